@@ -1,0 +1,24 @@
+//! Joint regressors: joints as linear functions of the vertices.
+
+use faer::Mat;
+
+use super::sparse::CsrMatrix;
+
+/// Joints as weighted sums of vertices: `J = R X`, with rows that sum to one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Regressor {
+    pub names: Vec<String>,
+    /// As in [`super::skeleton::Skeleton::parents`].
+    pub parents: Vec<Option<usize>>,
+    /// `Q x V`.
+    pub matrix: CsrMatrix,
+}
+
+/// A regressor on spectral coefficients: `R^ = R Phi`, so that `J = R^ Phi^+ X`.
+#[derive(Debug, Clone)]
+pub struct SpectralRegressor {
+    pub names: Vec<String>,
+    pub parents: Vec<Option<usize>>,
+    /// `Q x k`.
+    pub matrix: Mat<f64>,
+}
