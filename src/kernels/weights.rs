@@ -68,6 +68,40 @@ impl SkinWeights {
         }
     }
 
+    /// Takes arrays as [`SkinWeights::as_parts`] gives them.
+    ///
+    /// # Errors
+    /// With the first thing that is not as promised.
+    pub fn from_parts(
+        n_joints: usize,
+        offsets: Vec<usize>,
+        joints: Vec<u32>,
+        values: Vec<f64>,
+    ) -> Result<Self, String> {
+        if joints.len() != values.len() {
+            return Err(format!("{} joints but {} values", joints.len(), values.len()));
+        }
+        if offsets.first() != Some(&0) || offsets.last() != Some(&joints.len()) {
+            return Err(format!("the offsets do not span the {} values", joints.len()));
+        }
+        for (vertex, range) in offsets.windows(2).enumerate() {
+            let (Some(joints), Some(values)) =
+                (joints.get(range[0]..range[1]), values.get(range[0]..range[1]))
+            else {
+                return Err(format!("vertex {vertex} has the range {}..{}", range[0], range[1]));
+            };
+            let ascending = joints.windows(2).all(|it| it[0] < it[1]);
+            if !ascending || joints.last().is_none_or(|&it| it as usize >= n_joints) {
+                return Err(format!("vertex {vertex} has the joints {joints:?} of {n_joints}"));
+            }
+            let sum: f64 = values.iter().sum();
+            if !values.iter().all(|&it| it > 0.0) || !((sum - 1.0).abs() < 1e-6) {
+                return Err(format!("the weights of vertex {vertex} sum to {sum}"));
+            }
+        }
+        Ok(Self { n_joints, offsets, joints, values })
+    }
+
     pub fn n_vertices(&self) -> usize {
         self.offsets.len() - 1
     }

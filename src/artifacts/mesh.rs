@@ -1,0 +1,55 @@
+use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
+use crate::kernels::mesh::{TriMesh, Vec3};
+
+impl Artifact for TriMesh {
+    const TYPE: ArtifactType = ArtifactType {
+        name: "mesh",
+        version: 1,
+        doc: "Triangle mesh: `vertices` (V x 3 positions) and `faces` (F x 3 indices).",
+    };
+
+    fn encode<'a>(&'a self, to: &mut Encoder<'a>) {
+        put_points(to, "vertices", self.vertices());
+        to.array("faces", &[self.n_faces(), 3], bytemuck::cast_slice::<_, u32>(self.faces()));
+    }
+
+    fn decode(from: &Decoder<'_>) -> Result<Self, DecodeError> {
+        let vertices = points(from, "vertices")?;
+        let (_, 3, faces) = from.matrix::<u32>("faces")? else {
+            return Err(DecodeError::new("`faces` has no three columns"));
+        };
+        let faces = faces.chunks_exact(3).map(|it| [it[0], it[1], it[2]]).collect();
+        Self::new(vertices, faces).map_err(|e| DecodeError::new(e.to_string()))
+    }
+
+    fn summary(&self) -> Vec<(String, String)> {
+        let (low, high) = self.bounds();
+        vec![
+            ("vertices".to_owned(), self.n_vertices().to_string()),
+            ("faces".to_owned(), self.n_faces().to_string()),
+            ("from".to_owned(), show_point(&low)),
+            ("to".to_owned(), show_point(&high)),
+            ("area".to_owned(), format!("{:.6}", self.area())),
+        ]
+    }
+}
+
+/// Writes `n x 3` coordinates.
+pub fn put_points<'a>(to: &mut Encoder<'a>, name: &'static str, points: &'a [Vec3]) {
+    to.array(name, &[points.len(), 3], bytemuck::cast_slice::<_, f64>(points));
+}
+
+/// Reads `n x 3` coordinates.
+///
+/// # Errors
+/// If the array is missing or has no three columns.
+pub fn points(from: &Decoder<'_>, name: &str) -> Result<Vec<Vec3>, DecodeError> {
+    let (_, 3, values) = from.matrix::<f64>(name)? else {
+        return Err(DecodeError(format!("`{name}` has no three columns")));
+    };
+    Ok(values.chunks_exact(3).map(|it| Vec3::new(it[0], it[1], it[2])).collect())
+}
+
+pub fn show_point(point: &Vec3) -> String {
+    format!("{:.4} {:.4} {:.4}", point.x, point.y, point.z)
+}

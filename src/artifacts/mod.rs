@@ -1,0 +1,27 @@
+//! The kernels' types made storable: one file a type.
+
+mod clip;
+mod image;
+mod landmarks;
+mod mesh;
+mod rig;
+mod skeleton;
+mod table;
+mod weights;
+
+use crate::engine::artifact::ArtifactKind;
+use crate::kernels;
+
+pub use rig::Rig;
+
+/// Every type of artifact. Keep sorted by the types' names.
+pub static ALL: &[ArtifactKind] = &[
+    ArtifactKind::of::<kernels::clip::Clip>(),
+    ArtifactKind::of::<kernels::image::Image>(),
+    ArtifactKind::of::<kernels::landmarks::Landmarks>(),
+    ArtifactKind::of::<kernels::mesh::TriMesh>(),
+    ArtifactKind::of::<Rig>(),
+    ArtifactKind::of::<kernels::skeleton::Skeleton>(),
+    ArtifactKind::of::<kernels::table::Table>(),
+    ArtifactKind::of::<kernels::weights::SkinWeights>(),
+];

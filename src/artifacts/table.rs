@@ -1,0 +1,79 @@
+use serde::{Deserialize, Serialize};
+
+use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
+use crate::kernels::table::{Column, Table, Values};
+
+/// What the header says of one column.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ColumnHead {
+    name: String,
+    unit: String,
+    /// `None` for numbers: they are the next column of the array `numbers`.
+    texts: Option<Vec<String>>,
+}
+
+impl Artifact for Table {
+    const TYPE: ArtifactType = ArtifactType {
+        name: "table",
+        version: 1,
+        doc: "Table: `numbers` (columns of numbers x rows), and the columns' names, units and texts.",
+    };
+
+    fn encode<'a>(&'a self, to: &mut Encoder<'a>) {
+        let mut numbers = Vec::new();
+        let mut heads = Vec::new();
+        for column in &self.columns {
+            let texts = match &column.values {
+                Values::Numbers(values) => {
+                    numbers.extend_from_slice(values);
+                    None
+                }
+                Values::Texts(texts) => Some(texts.clone()),
+            };
+            heads.push(ColumnHead { name: column.name.clone(), unit: column.unit.clone(), texts });
+        }
+        let n_columns = heads.iter().filter(|it| it.texts.is_none()).count();
+        to.owned("numbers", &[n_columns, numbers.len() / n_columns.max(1)], numbers);
+        to.text("columns", serde_json::to_string(&heads).expect("heads are plain data"));
+    }
+
+    fn decode(from: &Decoder<'_>) -> Result<Self, DecodeError> {
+        let heads: Vec<ColumnHead> = serde_json::from_str(from.text("columns")?)
+            .map_err(|e| DecodeError(format!("`columns`: {e}")))?;
+        let (n_columns, n_rows, numbers) = from.matrix::<f64>("numbers")?;
+        if n_columns != heads.iter().filter(|it| it.texts.is_none()).count() {
+            return Err(DecodeError(format!("{n_columns} columns of numbers")));
+        }
+        let mut next = 0;
+        let mut columns = Vec::new();
+        for ColumnHead { name, unit, texts } in heads {
+            let values = match texts {
+                Some(texts) => Values::Texts(texts),
+                None => {
+                    next += 1;
+                    Values::Numbers(numbers[(next - 1) * n_rows..next * n_rows].to_vec())
+                }
+            };
+            columns.push(Column { name, unit, values });
+        }
+        if columns.windows(2).any(|it| it[0].len() != it[1].len()) {
+            return Err(DecodeError::new("the columns differ in length"));
+        }
+        Ok(Self::new(columns))
+    }
+
+    fn summary(&self) -> Vec<(String, String)> {
+        let mut lines = vec![("rows".to_owned(), self.n_rows().to_string())];
+        for column in &self.columns {
+            let first: Vec<String> = match &column.values {
+                Values::Numbers(values) => values.iter().take(5).map(|it| format!("{it:.5}")).collect(),
+                Values::Texts(texts) => texts.iter().take(5).cloned().collect(),
+            };
+            let more = if column.len() > 5 { ", …" } else { "" };
+            let unit = if column.unit.is_empty() { String::new() } else { format!(" [{}]", column.unit) };
+            lines.push((format!("{}{unit}", column.name), first.join(", ") + more));
+        }
+        lines
+    }
+}

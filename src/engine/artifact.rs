@@ -1,0 +1,168 @@
+//! What flows along the wires: immutable typed values with one canonical encoding.
+
+use std::{any::Any, sync::Arc};
+
+use super::digest::Digest;
+pub use super::tensors::{DecodeError, Decoder, Encoder};
+
+/// The name of a type of artifact, as users see it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ArtifactType {
+    pub name: &'static str,
+    /// Raise it when the encoding changes.
+    pub version: u32,
+    /// One sentence: what it is, its shapes and units.
+    pub doc: &'static str,
+}
+
+/// A file format that a type of artifact can be exported to, beside the ones that all types share.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Format {
+    /// Without the dot, in lower case.
+    pub extension: &'static str,
+    pub doc: &'static str,
+}
+
+/// A value that can be stored and wired.
+pub trait Artifact: Any + Send + Sync + Sized {
+    const TYPE: ArtifactType;
+
+    /// What [`Artifact::export`] can write.
+    const FORMATS: &'static [Format] = &[];
+
+    /// Writes the value. The same value gives the same bytes.
+    fn encode<'a>(&'a self, to: &mut Encoder<'a>);
+
+    /// Reads and checks a value. Must refuse garbage, never panic.
+    ///
+    /// # Errors
+    /// If an array is missing, has a wrong shape, or holds what the type does not allow.
+    fn decode(from: &Decoder<'_>) -> Result<Self, DecodeError>;
+
+    /// What a person wants to know first: (name, value) lines, shapes and ranges before contents.
+    fn summary(&self) -> Vec<(String, String)>;
+
+    /// Writes the value in one of [`Artifact::FORMATS`].
+    ///
+    /// # Errors
+    /// If this value cannot be written in this format, with the reason.
+    fn export(&self, extension: &str) -> Result<Vec<u8>, String> {
+        Err(format!("`{}` cannot be written as .{extension}", Self::TYPE.name))
+    }
+}
+
+/// An artifact whose type is known at run time only.
+#[derive(Clone)]
+pub struct AnyArtifact {
+    kind: &'static ArtifactKind,
+    digest: Digest,
+    value: Arc<dyn Any + Send + Sync>,
+}
+
+impl AnyArtifact {
+    /// Encodes a value: the artifact and the bytes to store.
+    pub fn encode<T: Artifact>(value: T) -> (Self, Vec<u8>) {
+        let kind = const { &ArtifactKind::of::<T>() };
+        let bytes = kind.encode(&value);
+        let digest = digest_of(T::TYPE, &bytes);
+        (Self { kind, digest, value: Arc::new(value) }, bytes)
+    }
+
+    pub fn ty(&self) -> ArtifactType {
+        self.kind.ty
+    }
+
+    pub fn digest(&self) -> Digest {
+        self.digest
+    }
+
+    /// The value, if it has this type.
+    pub fn downcast<T: Artifact>(&self) -> Option<Arc<T>> {
+        Arc::clone(&self.value).downcast().ok()
+    }
+
+    /// See [`Artifact::summary`].
+    pub fn summary(&self) -> Vec<(String, String)> {
+        (self.kind.summary)(&*self.value)
+    }
+
+    /// See [`Artifact::export`].
+    ///
+    /// # Errors
+    /// If the value cannot be written in this format.
+    pub fn export(&self, extension: &str) -> Result<Vec<u8>, String> {
+        (self.kind.export)(&*self.value, extension)
+    }
+
+    /// The stored form.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        (self.kind.encode)(&*self.value)
+    }
+}
+
+/// The digest of an artifact: of its type's name and version and its canonical bytes.
+pub fn digest_of(ty: ArtifactType, bytes: &[u8]) -> Digest {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(ty.name.as_bytes());
+    hasher.update(&[0]);
+    hasher.update(&ty.version.to_le_bytes());
+    hasher.update(bytes);
+    Digest(*hasher.finalize().as_bytes())
+}
+
+/// One line of the registry of types: a type's codec without its type.
+pub struct ArtifactKind {
+    pub ty: ArtifactType,
+    pub formats: &'static [Format],
+    encode: fn(&dyn Any) -> Vec<u8>,
+    decode: fn(&'static ArtifactKind, Digest, &[u8]) -> Result<AnyArtifact, DecodeError>,
+    summary: fn(&dyn Any) -> Vec<(String, String)>,
+    export: fn(&dyn Any, &str) -> Result<Vec<u8>, String>,
+}
+
+impl ArtifactKind {
+    pub const fn of<T: Artifact>() -> Self {
+        Self {
+            ty: T::TYPE,
+            formats: T::FORMATS,
+            encode: |value| {
+                let mut encoder = Encoder::default();
+                cast::<T>(value).encode(&mut encoder);
+                encoder.text("sinew.type", T::TYPE.name);
+                encoder.text("sinew.version", T::TYPE.version.to_string());
+                encoder.finish()
+            },
+            decode: |kind, digest, bytes| {
+                let decoder = Decoder::new(bytes)?;
+                let found = decoder.text("sinew.type")?;
+                if found != T::TYPE.name {
+                    let wanted = T::TYPE.name;
+                    return Err(DecodeError(format!("it is `{found}` instead of `{wanted}`")));
+                }
+                Ok(AnyArtifact { kind, digest, value: Arc::new(T::decode(&decoder)?) })
+            },
+            summary: |value| cast::<T>(value).summary(),
+            export: |value, extension| cast::<T>(value).export(extension),
+        }
+    }
+
+    fn encode(&self, value: &dyn Any) -> Vec<u8> {
+        (self.encode)(value)
+    }
+
+    /// Reads stored bytes whose digest has been checked, or is computed here if it is not given.
+    ///
+    /// # Errors
+    /// See [`Artifact::decode`].
+    pub fn decode(
+        &'static self,
+        bytes: &[u8],
+        digest: Option<Digest>,
+    ) -> Result<AnyArtifact, DecodeError> {
+        (self.decode)(self, digest.unwrap_or_else(|| digest_of(self.ty, bytes)), bytes)
+    }
+}
+
+fn cast<T: Artifact>(value: &dyn Any) -> &T {
+    value.downcast_ref().expect("an artifact's kind is that of its value")
+}

@@ -1,0 +1,401 @@
+//! The one trait that a kind of node implements, and what its `run` sees of the world.
+
+use std::{
+    collections::BTreeMap,
+    marker::PhantomData,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+use super::artifact::{AnyArtifact, Artifact, ArtifactType};
+
+/// How many wires a port takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Arity {
+    /// Exactly one.
+    One,
+    /// One or none. An optional output may be left out by a run.
+    Optional,
+    /// A list, in the order of the pipeline file.
+    Many,
+}
+
+/// What a pipeline sees of a port.
+#[derive(Debug, Clone, Copy)]
+pub struct Port {
+    pub name: &'static str,
+    pub doc: &'static str,
+    pub ty: ArtifactType,
+    pub arity: Arity,
+}
+
+macro_rules! port_key {
+    ($(#[$doc:meta])* $name:ident, $arity:ident) => {
+        $(#[$doc])*
+        pub struct $name<T> {
+            name: &'static str,
+            doc: &'static str,
+            of: PhantomData<fn() -> T>,
+        }
+
+        impl<T> Clone for $name<T> {
+            fn clone(&self) -> Self {
+                *self
+            }
+        }
+
+        impl<T> Copy for $name<T> {}
+
+        impl<T: Artifact> $name<T> {
+            pub const fn new(name: &'static str, doc: &'static str) -> Self {
+                Self { name, doc, of: PhantomData }
+            }
+
+            pub const fn port(&self) -> Port {
+                Port { name: self.name, doc: self.doc, ty: T::TYPE, arity: Arity::$arity }
+            }
+        }
+    };
+}
+
+port_key!(
+    /// A typed key for something a node reads.
+    Input,
+    One
+);
+port_key!(
+    /// A typed key for something a node reads if it is wired.
+    OptionalInput,
+    Optional
+);
+port_key!(
+    /// A typed key for any number of artifacts, in the order in which they are listed.
+    Inputs,
+    Many
+);
+port_key!(
+    /// A typed key for something a node writes.
+    Output,
+    One
+);
+port_key!(
+    /// A typed key for something a node writes if its inputs have it.
+    OptionalOutput,
+    Optional
+);
+
+/// A file that a node reads, named by a parameter. Only its content and its extension count.
+///
+/// The path is relative to the folder of the pipeline file that names it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(transparent)]
+pub struct InputFile(#[schemars(extend("format" = "input-file"))] pub PathBuf);
+
+impl InputFile {
+    /// In lower case, without the dot; empty if there is none.
+    pub fn extension(&self) -> String {
+        extension_of(&self.0)
+    }
+}
+
+/// A path's extension in lower case, without the dot; empty if there is none.
+pub fn extension_of(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
+}
+
+/// The declaration of a kind.
+#[derive(Debug, Clone, Copy)]
+pub struct Spec {
+    /// As written in pipelines; the name of the kind's file.
+    pub kind: &'static str,
+    /// Raise it whenever the same inputs and parameters may give other outputs.
+    pub version: u32,
+    pub inputs: &'static [Port],
+    pub outputs: &'static [Port],
+    /// BibTeX keys of the papers that the kind implements.
+    pub cites: &'static [&'static str],
+    /// A small pipeline that uses the kind. It is shown in the reference and run by the tests.
+    pub example: &'static str,
+}
+
+/// Why a node failed.
+///
+/// Every error converts into [`NodeError::Failed`], so `?` works on the errors of kernels.
+#[derive(Debug)]
+pub enum NodeError {
+    /// The inputs or parameters do not allow a result.
+    Failed(String),
+    /// The machine does: disk, network, permissions. Ends with another exit code.
+    Environment(String),
+}
+
+impl NodeError {
+    pub fn failed(message: impl Into<String>) -> Self {
+        Self::Failed(message.into())
+    }
+
+    pub fn environment(message: impl Into<String>) -> Self {
+        Self::Environment(message.into())
+    }
+
+    pub fn message(&self) -> &str {
+        match self {
+            Self::Failed(message) | Self::Environment(message) => message,
+        }
+    }
+}
+
+impl<E: std::error::Error> From<E> for NodeError {
+    fn from(error: E) -> Self {
+        Self::Failed(error.to_string())
+    }
+}
+
+/// A kind of node. The implementing struct holds the parameters; its doc comments are their reference.
+pub trait Node: Serialize + DeserializeOwned + JsonSchema + Send + Sync + 'static {
+    const SPEC: Spec;
+
+    /// Checks what no single field can express. Must not touch the outside world.
+    ///
+    /// # Errors
+    /// With a message for the user, lower case, fields in backticks.
+    fn validate(&self) -> Result<(), String> {
+        Ok(())
+    }
+
+    /// The files that the node reads, by the names of their fields. They count by content.
+    fn files(&self) -> Vec<(&'static str, &InputFile)> {
+        Vec::new()
+    }
+
+    /// Files that a declared file refers to (the buffers of a `.gltf`). They count as well.
+    fn side_files(&self, _path: &Path) -> Vec<PathBuf> {
+        Vec::new()
+    }
+
+    /// Reads ports and files from `io`, computes, writes every output.
+    ///
+    /// # Errors
+    /// With a message for the user; the engine adds which node it was.
+    fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError>;
+}
+
+/// What surrounds a run and never changes its result.
+#[derive(Debug, Clone, Default)]
+pub struct Surroundings {
+    /// Folders where downloads are looked up first (`SINEW_MIRROR`).
+    pub mirrors: Vec<PathBuf>,
+    /// No network.
+    pub offline: bool,
+}
+
+/// A progress report of a running node: the done fraction if it is known, and what is being done.
+pub type ProgressFn<'a> = &'a (dyn Fn(Option<f64>, &str) + Sync);
+
+/// A node's window on the world: its ports, its files, its surroundings.
+pub struct NodeIo<'a> {
+    spec: &'a Spec,
+    inputs: BTreeMap<&'static str, Vec<AnyArtifact>>,
+    files: BTreeMap<PathBuf, PathBuf>,
+    surroundings: &'a Surroundings,
+    progress: ProgressFn<'a>,
+    outputs: NodeOutputs,
+}
+
+/// What a run wrote.
+#[derive(Default)]
+pub struct NodeOutputs {
+    /// By port: the artifact and its bytes.
+    pub artifacts: BTreeMap<&'static str, (AnyArtifact, Vec<u8>)>,
+    /// Optional outputs that were left out, and why.
+    pub absent: BTreeMap<&'static str, String>,
+    /// Remarks for the user, kept with the result.
+    pub notes: Vec<String>,
+}
+
+impl<'a> NodeIo<'a> {
+    /// `files` leads from the paths of parameters to the real paths.
+    pub fn new(
+        spec: &'a Spec,
+        inputs: BTreeMap<&'static str, Vec<AnyArtifact>>,
+        files: BTreeMap<PathBuf, PathBuf>,
+        surroundings: &'a Surroundings,
+        progress: ProgressFn<'a>,
+    ) -> Self {
+        Self { spec, inputs, files, surroundings, progress, outputs: NodeOutputs::default() }
+    }
+
+    /// The artifact at an input.
+    ///
+    /// # Panics
+    /// If the port is not in the kind's spec.
+    pub fn get<T: Artifact>(&self, port: Input<T>) -> Arc<T> {
+        self.all(port.name).next().expect("a checked pipeline wires every input")
+    }
+
+    /// The artifact at an optional input, if it is wired.
+    pub fn get_optional<T: Artifact>(&self, port: OptionalInput<T>) -> Option<Arc<T>> {
+        self.all(port.name).next()
+    }
+
+    /// The artifacts at a list input.
+    pub fn get_all<T: Artifact>(&self, port: Inputs<T>) -> Vec<Arc<T>> {
+        self.all(port.name).collect()
+    }
+
+    fn all<T: Artifact>(&self, name: &'static str) -> impl Iterator<Item = Arc<T>> + '_ {
+        assert!(
+            self.spec.inputs.iter().any(|it| it.name == name),
+            "`{}` does not declare its input `{name}`",
+            self.spec.kind
+        );
+        self.inputs
+            .get(name)
+            .into_iter()
+            .flatten()
+            .map(|it| it.downcast().expect("a checked pipeline wires equal types"))
+    }
+
+    /// Writes an output.
+    pub fn put<T: Artifact>(&mut self, port: Output<T>, value: T) {
+        self.write(port.name, value);
+    }
+
+    /// Writes an optional output, or says why it is left out (`the file has no skin`).
+    pub fn put_optional<T: Artifact>(
+        &mut self,
+        port: OptionalOutput<T>,
+        value: Option<T>,
+        why_absent: &str,
+    ) {
+        match value {
+            Some(value) => self.write(port.name, value),
+            None => {
+                self.assert_declared(port.name);
+                self.outputs.absent.insert(port.name, why_absent.to_owned());
+            }
+        }
+    }
+
+    fn write<T: Artifact>(&mut self, name: &'static str, value: T) {
+        self.assert_declared(name);
+        self.outputs.artifacts.insert(name, AnyArtifact::encode(value));
+    }
+
+    fn assert_declared(&self, name: &str) {
+        assert!(
+            self.spec.outputs.iter().any(|it| it.name == name),
+            "`{}` does not declare its output `{name}`",
+            self.spec.kind
+        );
+    }
+
+    /// Reads a file that [`Node::files`] or [`Node::side_files`] declares.
+    ///
+    /// # Errors
+    /// [`NodeError::Environment`] with the path.
+    pub fn read(&self, path: &Path) -> Result<Vec<u8>, NodeError> {
+        let real = self.path(path);
+        std::fs::read(real)
+            .map_err(|e| NodeError::Environment(format!("cannot read `{}`: {e}", real.display())))
+    }
+
+    /// The real path of a declared file.
+    ///
+    /// # Panics
+    /// If the node does not declare it.
+    pub fn path(&self, path: &Path) -> &Path {
+        self.files.get(path).unwrap_or_else(|| {
+            panic!("`{}` does not declare the file `{}`", self.spec.kind, path.display())
+        })
+    }
+
+    pub fn surroundings(&self) -> &Surroundings {
+        self.surroundings
+    }
+
+    /// Reports what is being done, and the done fraction if it is known.
+    pub fn progress(&self, fraction: Option<f64>, message: &str) {
+        (self.progress)(fraction, message);
+    }
+
+    /// Leaves a remark for the user, kept with the result.
+    pub fn note(&mut self, message: impl Into<String>) {
+        self.outputs.notes.push(message.into());
+    }
+
+    /// Ends the run.
+    ///
+    /// # Panics
+    /// If an output is missing: a bug of the kind.
+    pub fn finish(self) -> NodeOutputs {
+        for port in self.spec.outputs {
+            let known = self.outputs.artifacts.contains_key(port.name)
+                || self.outputs.absent.contains_key(port.name);
+            assert!(known, "`{}` did not write its output `{}`", self.spec.kind, port.name);
+        }
+        self.outputs
+    }
+}
+
+/// The object-safe face of [`Node`], made by the blanket implementation.
+pub trait AnyNode: Send + Sync {
+    fn spec(&self) -> &'static Spec;
+    /// Parameters with every default filled in; files are replaced by their extensions.
+    fn canonical_params(&self) -> serde_json::Value;
+    fn validate(&self) -> Result<(), String>;
+    fn files(&self) -> Vec<(&'static str, &InputFile)>;
+    fn side_files(&self, path: &Path) -> Vec<PathBuf>;
+    fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError>;
+}
+
+impl<N: Node> AnyNode for N {
+    fn spec(&self) -> &'static Spec {
+        const { &N::SPEC }
+    }
+
+    fn canonical_params(&self) -> serde_json::Value {
+        let mut params = serde_json::to_value(self).expect("parameters are plain data");
+        for (field, file) in Node::files(self) {
+            params[field] = serde_json::json!({ "file": file.extension() });
+        }
+        params
+    }
+
+    fn validate(&self) -> Result<(), String> {
+        Node::validate(self)
+    }
+
+    fn files(&self) -> Vec<(&'static str, &InputFile)> {
+        Node::files(self)
+    }
+
+    fn side_files(&self, path: &Path) -> Vec<PathBuf> {
+        Node::side_files(self, path)
+    }
+
+    fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
+        Node::run(self, io)
+    }
+}
+
+/// One line of the registry of kinds.
+pub struct NodeKind {
+    pub spec: Spec,
+    /// Parameters from plain data, after `${}` has been filled in.
+    pub parse: fn(serde_json::Value) -> Result<Box<dyn AnyNode>, serde_json::Error>,
+    pub schema: fn() -> schemars::Schema,
+}
+
+impl NodeKind {
+    pub const fn of<N: Node>() -> Self {
+        Self {
+            spec: N::SPEC,
+            parse: |params| Ok(Box::new(serde_json::from_value::<N>(params)?)),
+            schema: || schemars::schema_for!(N),
+        }
+    }
+}

@@ -1,0 +1,376 @@
+//! The file format of artifacts: named little-endian arrays behind a JSON header (safetensors).
+//!
+//! A file is the header's length (8 bytes), the header, and the arrays without gaps. Every number
+//! here is aligned to its size, so that a mapped file can be used in place. Texts go into the
+//! header's `__metadata__`. The same arrays and texts always give the same bytes: arrays are ordered
+//! by the size of their numbers, then as they were written; texts by name.
+
+use std::{borrow::Cow, collections::BTreeMap};
+
+use bytemuck::{AnyBitPattern, NoUninit};
+use serde_json::{Map, Value};
+
+#[cfg(target_endian = "big")]
+compile_error!("artifacts are little-endian, and so must be the machine");
+
+/// The type of an array's numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Dtype {
+    F64,
+    I64,
+    U64,
+    F32,
+    U32,
+    U16,
+    U8,
+}
+
+impl Dtype {
+    const ALL: [Self; 7] =
+        [Self::F64, Self::I64, Self::U64, Self::F32, Self::U32, Self::U16, Self::U8];
+
+    /// Bytes a number.
+    pub fn size(self) -> usize {
+        match self {
+            Self::F64 | Self::I64 | Self::U64 => 8,
+            Self::F32 | Self::U32 => 4,
+            Self::U16 => 2,
+            Self::U8 => 1,
+        }
+    }
+
+    /// The name that safetensors uses.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::F64 => "F64",
+            Self::I64 => "I64",
+            Self::U64 => "U64",
+            Self::F32 => "F32",
+            Self::U32 => "U32",
+            Self::U16 => "U16",
+            Self::U8 => "U8",
+        }
+    }
+}
+
+/// A number that arrays are made of.
+pub trait Number: NoUninit + AnyBitPattern {
+    const DTYPE: Dtype;
+}
+impl Number for f64 {
+    const DTYPE: Dtype = Dtype::F64;
+}
+impl Number for i64 {
+    const DTYPE: Dtype = Dtype::I64;
+}
+impl Number for u64 {
+    const DTYPE: Dtype = Dtype::U64;
+}
+impl Number for f32 {
+    const DTYPE: Dtype = Dtype::F32;
+}
+impl Number for u32 {
+    const DTYPE: Dtype = Dtype::U32;
+}
+impl Number for u16 {
+    const DTYPE: Dtype = Dtype::U16;
+}
+impl Number for u8 {
+    const DTYPE: Dtype = Dtype::U8;
+}
+
+/// Collects the arrays and texts of one artifact.
+#[derive(Default)]
+pub struct Encoder<'a> {
+    /// Put before every name: `mesh.` inside of a part.
+    prefix: String,
+    arrays: Vec<(String, Dtype, Vec<usize>, Cow<'a, [u8]>)>,
+    texts: BTreeMap<String, String>,
+}
+
+impl<'a> Encoder<'a> {
+    /// Adds an array in row-major order, borrowed until the file is written.
+    ///
+    /// # Panics
+    /// If the shape does not hold as many numbers as are given.
+    pub fn array<T: Number>(&mut self, name: &str, shape: &[usize], values: &'a [T]) {
+        assert_eq!(shape.iter().product::<usize>(), values.len(), "`{name}`: shape and numbers");
+        let bytes = Cow::Borrowed(bytemuck::cast_slice(values));
+        self.arrays.push((self.full_name(name), T::DTYPE, shape.to_vec(), bytes));
+    }
+
+    /// Adds an array that was made for the file.
+    ///
+    /// # Panics
+    /// If the shape does not hold as many numbers as are given.
+    pub fn owned<T: Number>(&mut self, name: &str, shape: &[usize], values: Vec<T>) {
+        assert_eq!(shape.iter().product::<usize>(), values.len(), "`{name}`: shape and numbers");
+        let bytes = match bytemuck::allocation::try_cast_vec(values) {
+            Ok(bytes) => bytes,
+            Err((_, values)) => bytemuck::cast_slice(&values).to_vec(),
+        };
+        self.arrays.push((self.full_name(name), T::DTYPE, shape.to_vec(), Cow::Owned(bytes)));
+    }
+
+    /// Adds a text.
+    pub fn text(&mut self, name: &str, value: impl Into<String>) {
+        self.texts.insert(self.full_name(name), value.into());
+    }
+
+    /// Adds a list of texts, stored as one JSON text.
+    pub fn texts(&mut self, name: &str, values: &[String]) {
+        self.text(name, serde_json::to_string(values).expect("texts are plain data"));
+    }
+
+    /// Adds what `write` adds as a part: `name.` comes before all its names.
+    pub fn part(&mut self, name: &str, write: impl FnOnce(&mut Self)) {
+        let outer = self.prefix.len();
+        self.prefix = format!("{}{name}.", self.prefix);
+        write(self);
+        self.prefix.truncate(outer);
+    }
+
+    fn full_name(&self, name: &str) -> String {
+        format!("{}{name}", self.prefix)
+    }
+
+    /// Writes the file.
+    pub fn finish(mut self) -> Vec<u8> {
+        self.arrays.sort_by_key(|it| std::cmp::Reverse(it.1.size()));
+        let mut header = Map::new();
+        let texts = self.texts.into_iter().map(|(k, v)| (k, Value::String(v)));
+        header.insert("__metadata__".to_owned(), Value::Object(texts.collect()));
+        let mut offset = 0;
+        for (name, dtype, shape, bytes) in &self.arrays {
+            let end = offset + bytes.len();
+            let entry = serde_json::json!({
+                "dtype": dtype.name(), "shape": shape, "data_offsets": [offset, end],
+            });
+            assert!(header.insert(name.clone(), entry).is_none(), "`{name}` is given twice");
+            offset = end;
+        }
+        let mut header = serde_json::to_vec(&header).expect("the header is plain data");
+        // Spaces, as the format allows, so that the arrays are aligned.
+        header.resize(header.len().next_multiple_of(8), b' ');
+        let mut res = Vec::with_capacity(8 + header.len() + offset);
+        res.extend((header.len() as u64).to_le_bytes());
+        res.extend(header);
+        for (_, _, _, bytes) in &self.arrays {
+            res.extend_from_slice(bytes);
+        }
+        res
+    }
+}
+
+/// Why bytes are no artifact of the expected type.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("{0}")]
+pub struct DecodeError(pub String);
+
+impl DecodeError {
+    pub fn new(message: impl Into<String>) -> Self {
+        Self(message.into())
+    }
+}
+
+/// One array of a file.
+#[derive(Debug, Clone)]
+pub struct Array<'a, T: Number> {
+    pub shape: Vec<usize>,
+    /// Row-major; borrowed from the file where its bytes are aligned.
+    pub values: Cow<'a, [T]>,
+}
+
+/// An array as it lies in the file.
+#[derive(Debug, Clone)]
+pub struct RawArray<'a> {
+    pub dtype: Dtype,
+    pub shape: Vec<usize>,
+    pub bytes: &'a [u8],
+}
+
+/// Reads the arrays and texts of one artifact. Checks every offset, so that garbage is refused.
+pub struct Decoder<'a> {
+    arrays: Vec<(String, RawArray<'a>)>,
+    texts: BTreeMap<String, String>,
+}
+
+impl<'a> Decoder<'a> {
+    /// # Errors
+    /// If the header does not describe the bytes exactly.
+    pub fn new(bytes: &'a [u8]) -> Result<Self, DecodeError> {
+        let fail = |what: &str| DecodeError(format!("the file is damaged: {what}"));
+        let (length, rest) = bytes.split_first_chunk::<8>().ok_or_else(|| {
+            fail(&format!("{} bytes are too few for a header", bytes.len()))
+        })?;
+        let length = usize::try_from(u64::from_le_bytes(*length))
+            .ok()
+            .filter(|&it| it <= rest.len())
+            .ok_or_else(|| fail("the header is cut off"))?;
+        let (header, data) = rest.split_at(length);
+        let header: Map<String, Value> =
+            serde_json::from_slice(header).map_err(|e| fail(&format!("header: {e}")))?;
+        let mut res = Self { arrays: Vec::new(), texts: BTreeMap::new() };
+        let mut expected = 0;
+        for (name, entry) in header {
+            if name == "__metadata__" {
+                res.texts = serde_json::from_value(entry)
+                    .map_err(|e| fail(&format!("`__metadata__`: {e}")))?;
+                continue;
+            }
+            let (array, range) = read_entry(&entry, data)
+                .ok_or_else(|| fail(&format!("the entry of array `{name}`")))?;
+            if range.0 != expected {
+                return Err(fail(&format!("array `{name}` starts at {}", range.0)));
+            }
+            expected = range.1;
+            res.arrays.push((name, array));
+        }
+        if expected != data.len() {
+            let message = format!("{} bytes of arrays instead of {expected}", data.len());
+            return Err(fail(&message));
+        }
+        Ok(res)
+    }
+
+    /// A part that was written by [`Encoder::part`].
+    pub fn part(&self, name: &str) -> Self {
+        let inner = |full: &str| Some(full.strip_prefix(name)?.strip_prefix('.')?.to_owned());
+        let arrays = self.arrays.iter().filter_map(|(k, v)| Some((inner(k)?, v.clone())));
+        let texts = self.texts.iter().filter_map(|(k, v)| Some((inner(k)?, v.clone())));
+        Self { arrays: arrays.collect(), texts: texts.collect() }
+    }
+
+    /// All arrays, in the order of the file.
+    pub fn arrays(&self) -> impl Iterator<Item = (&str, &RawArray<'a>)> {
+        self.arrays.iter().map(|(name, array)| (name.as_str(), array))
+    }
+
+    /// All texts, by name.
+    pub fn all_texts(&self) -> &BTreeMap<String, String> {
+        &self.texts
+    }
+
+    /// An array by its name.
+    ///
+    /// # Errors
+    /// If it is missing or has numbers of another type.
+    pub fn array<T: Number>(&self, name: &str) -> Result<Array<'a, T>, DecodeError> {
+        let (_, raw) = self
+            .arrays
+            .iter()
+            .find(|it| it.0 == name)
+            .ok_or_else(|| DecodeError(format!("array `{name}` is missing")))?;
+        if raw.dtype != T::DTYPE {
+            let (found, wanted) = (raw.dtype.name(), T::DTYPE.name());
+            return Err(DecodeError(format!("array `{name}` is {found} instead of {wanted}")));
+        }
+        let values = match bytemuck::try_cast_slice(raw.bytes) {
+            Ok(values) => Cow::Borrowed(values),
+            Err(_) => Cow::Owned(bytemuck::pod_collect_to_vec(raw.bytes)),
+        };
+        Ok(Array { shape: raw.shape.clone(), values })
+    }
+
+    /// A one-dimensional array.
+    ///
+    /// # Errors
+    /// As [`Decoder::array`], or if it has another number of dimensions.
+    pub fn vector<T: Number>(&self, name: &str) -> Result<Cow<'a, [T]>, DecodeError> {
+        let array = self.array::<T>(name)?;
+        match array.shape[..] {
+            [_] => Ok(array.values),
+            _ => Err(DecodeError(format!("array `{name}` has the shape {:?}", array.shape))),
+        }
+    }
+
+    /// A two-dimensional array: its rows, its columns, and its numbers row by row.
+    ///
+    /// # Errors
+    /// As [`Decoder::array`], or if it has another number of dimensions.
+    pub fn matrix<T: Number>(
+        &self,
+        name: &str,
+    ) -> Result<(usize, usize, Cow<'a, [T]>), DecodeError> {
+        let array = self.array::<T>(name)?;
+        match array.shape[..] {
+            [n_rows, n_cols] => Ok((n_rows, n_cols, array.values)),
+            _ => Err(DecodeError(format!("array `{name}` has the shape {:?}", array.shape))),
+        }
+    }
+
+    /// A text by its name.
+    ///
+    /// # Errors
+    /// If it is missing.
+    pub fn text(&self, name: &str) -> Result<&str, DecodeError> {
+        self.texts
+            .get(name)
+            .map(String::as_str)
+            .ok_or_else(|| DecodeError(format!("text `{name}` is missing")))
+    }
+
+    /// A list of texts by its name.
+    ///
+    /// # Errors
+    /// If it is missing or no list.
+    pub fn texts(&self, name: &str) -> Result<Vec<String>, DecodeError> {
+        serde_json::from_str(self.text(name)?)
+            .map_err(|e| DecodeError(format!("text `{name}` is no list of texts: {e}")))
+    }
+}
+
+fn read_entry<'a>(entry: &Value, data: &'a [u8]) -> Option<(RawArray<'a>, (usize, usize))> {
+    let dtype = entry.get("dtype")?.as_str()?;
+    let dtype = Dtype::ALL.into_iter().find(|it| it.name() == dtype)?;
+    let numbers = |name: &str| -> Option<Vec<usize>> {
+        let list = entry.get(name)?.as_array()?;
+        list.iter().map(|it| usize::try_from(it.as_u64()?).ok()).collect()
+    };
+    let shape = numbers("shape")?;
+    let [start, end] = numbers("data_offsets")?.try_into().ok()?;
+    let n_bytes = shape.iter().try_fold(dtype.size(), |a, &b| a.checked_mul(b))?;
+    let bytes = data.get(start..end).filter(|it| it.len() == n_bytes)?;
+    Some((RawArray { dtype, shape, bytes }, (start, end)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> Vec<u8> {
+        let mut encoder = Encoder::default();
+        encoder.array("small", &[3], &[1u8, 2, 3]);
+        encoder.array("matrix", &[2, 2], &[1.0, -2.5, 3.0, 1e-300]);
+        encoder.owned("index", &[1], vec![7u32]);
+        encoder.texts("names", &["a".to_owned(), "ü".to_owned()]);
+        encoder.finish()
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let bytes = sample();
+        let decoder = Decoder::new(&bytes).unwrap();
+        let (n_rows, n_cols, values) = decoder.matrix::<f64>("matrix").unwrap();
+        assert_eq!((n_rows, n_cols, &values[..]), (2, 2, &[1.0, -2.5, 3.0, 1e-300][..]));
+        assert_eq!(&decoder.vector::<u8>("small").unwrap()[..], [1, 2, 3]);
+        assert_eq!(&decoder.vector::<u32>("index").unwrap()[..], [7]);
+        assert_eq!(decoder.texts("names").unwrap(), ["a", "ü"]);
+        assert!(decoder.vector::<f32>("index").is_err());
+        assert!(decoder.vector::<f64>("matrix").is_err());
+    }
+
+    #[test]
+    fn every_truncation_and_every_flipped_length_is_refused() {
+        let bytes = sample();
+        for length in 0..bytes.len() {
+            assert!(Decoder::new(&bytes[..length]).is_err(), "{length} bytes");
+        }
+        let mut longer = bytes.clone();
+        longer.push(0);
+        assert!(Decoder::new(&longer).is_err());
+        let mut huge = bytes;
+        huge[7] = 0xff;
+        assert!(Decoder::new(&huge).is_err());
+    }
+}
