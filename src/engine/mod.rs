@@ -2,7 +2,10 @@
 
 pub mod artifact;
 pub mod digest;
+pub mod file_digests;
 pub mod graph;
+pub mod key;
 pub mod library;
 pub mod node;
+pub mod store;
 pub mod tensors;

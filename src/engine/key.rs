@@ -1,0 +1,160 @@
+//! Keys: what a result is made from.
+//!
+//! A key is one readable text, and its digest is the address of the result. `explain` compares the
+//! same texts that are hashed, so it cannot disagree with the cache.
+
+use std::{collections::BTreeMap, sync::LazyLock};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{digest::Digest, node::AnyNode};
+
+/// Raise it when the meaning of any field of [`Key`] changes.
+pub const KEY_FORMAT: u32 = 1;
+
+/// Everything that a result depends on, and nothing else.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Key {
+    pub format: u32,
+    pub kind: String,
+    pub version: u32,
+    /// The class of processors on which floating-point code gives the same bits.
+    pub numerics: String,
+    /// All parameters, defaults filled in, names sorted.
+    pub params: Value,
+    /// Contents of files, by parameter (`path`) or by the name of a side file.
+    pub files: BTreeMap<String, Digest>,
+    /// Contents of inputs, by port; `None` for an optional output that was left out.
+    pub inputs: BTreeMap<String, Vec<Option<Digest>>>,
+}
+
+impl Key {
+    /// The key of a node with these inputs and files.
+    pub fn new(
+        node: &dyn AnyNode,
+        inputs: BTreeMap<String, Vec<Option<Digest>>>,
+        files: BTreeMap<String, Digest>,
+    ) -> Self {
+        let spec = node.spec();
+        Self {
+            format: KEY_FORMAT,
+            kind: spec.kind.to_owned(),
+            version: spec.version,
+            numerics: NUMERICS.clone(),
+            params: sorted(node.canonical_params()),
+            files,
+            inputs,
+        }
+    }
+
+    /// The canonical text.
+    pub fn text(&self) -> String {
+        serde_json::to_string(self).expect("keys are plain data")
+    }
+
+    /// Why `self` is not `old`, one entry a cause, in the order of the fields.
+    pub fn differences(&self, old: &Self) -> Vec<Difference> {
+        let mut res = Vec::new();
+        let mut field = |what: &str, old: String, new: String| {
+            if old != new {
+                res.push(Difference { what: what.to_owned(), old, new });
+            }
+        };
+        field("kind", old.kind.clone(), self.kind.clone());
+        field("version", old.version.to_string(), self.version.to_string());
+        field("key format", old.format.to_string(), self.format.to_string());
+        field("numerics", old.numerics.clone(), self.numerics.clone());
+        compare("params", &entries(&old.params), &entries(&self.params), &mut field);
+        compare("files", &shown(&old.files), &shown(&self.files), &mut field);
+        compare("inputs", &shown_lists(&old.inputs), &shown_lists(&self.inputs), &mut field);
+        res
+    }
+}
+
+/// One cause for which two keys differ.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Difference {
+    /// `params.k`, `inputs.mesh`, `files.path`, `version` …
+    pub what: String,
+    pub old: String,
+    pub new: String,
+}
+
+impl std::fmt::Display for Difference {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if let Some(input) = self.what.strip_prefix("inputs.") {
+            return write!(f, "input `{input}` changed ({} -> {})", self.old, self.new);
+        }
+        if let Some(file) = self.what.strip_prefix("files.") {
+            return write!(f, "file `{file}` changed ({} -> {})", self.old, self.new);
+        }
+        let what = self.what.strip_prefix("params.").unwrap_or(&self.what);
+        write!(f, "`{what}`: {} -> {}", self.old, self.new)
+    }
+}
+
+fn compare(
+    group: &str,
+    old: &BTreeMap<String, String>,
+    new: &BTreeMap<String, String>,
+    field: &mut impl FnMut(&str, String, String),
+) {
+    let names: std::collections::BTreeSet<&String> = old.keys().chain(new.keys()).collect();
+    for name in names {
+        let show = |it: &BTreeMap<String, String>| it.get(name).cloned().unwrap_or("none".into());
+        field(&format!("{group}.{name}"), show(old), show(new));
+    }
+}
+
+fn entries(params: &Value) -> BTreeMap<String, String> {
+    let fields = params.as_object().into_iter().flatten();
+    fields.map(|(name, value)| (name.clone(), value.to_string())).collect()
+}
+
+fn shown(files: &BTreeMap<String, Digest>) -> BTreeMap<String, String> {
+    files.iter().map(|(name, digest)| (name.clone(), digest.short())).collect()
+}
+
+fn shown_lists(inputs: &BTreeMap<String, Vec<Option<Digest>>>) -> BTreeMap<String, String> {
+    let show = |it: &Option<Digest>| it.as_ref().map_or("none".to_owned(), Digest::short);
+    let list = |it: &Vec<Option<Digest>>| it.iter().map(show).collect::<Vec<_>>().join(" ");
+    inputs.iter().map(|(port, digests)| (port.clone(), list(digests))).collect()
+}
+
+/// Sorts the names of all objects, so that moving a field in a struct changes no key.
+fn sorted(value: Value) -> Value {
+    match value {
+        Value::Object(fields) => {
+            let fields: BTreeMap<String, Value> =
+                fields.into_iter().map(|(name, value)| (name, sorted(value))).collect();
+            Value::Object(fields.into_iter().collect())
+        }
+        Value::Array(items) => Value::Array(items.into_iter().map(sorted).collect()),
+        other => other,
+    }
+}
+
+/// Matrix products pick their instructions at run time, and the system's mathematical functions
+/// differ between platforms, so results are shared only within a class.
+static NUMERICS: LazyLock<String> = LazyLock::new(|| {
+    let (arch, os) = (std::env::consts::ARCH, std::env::consts::OS);
+    format!("{arch}-{os}-{}", vector_class())
+});
+
+#[cfg(target_arch = "x86_64")]
+fn vector_class() -> &'static str {
+    if is_x86_feature_detected!("avx512f") {
+        "avx512"
+    } else if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+        "avx2"
+    } else {
+        "sse2"
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn vector_class() -> &'static str {
+    "base"
+}

@@ -1,0 +1,87 @@
+//! Large objects: one file each, named by its digest.
+
+use std::{
+    fs::{self, File},
+    io::{self, Write},
+    ops::Deref,
+    path::{Path, PathBuf},
+};
+
+use memmap2::Mmap;
+
+use super::StoreError;
+use crate::engine::{
+    artifact::{ArtifactType, digest_of},
+    digest::Digest,
+};
+
+/// Stored bytes: a mapped file, or a copy from the log.
+pub enum Bytes {
+    Mapped(Mmap),
+    Owned(Vec<u8>),
+}
+
+impl Deref for Bytes {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        match self {
+            Self::Mapped(bytes) => bytes,
+            Self::Owned(bytes) => bytes,
+        }
+    }
+}
+
+/// Why an object cannot be had.
+#[derive(Debug, thiserror::Error)]
+pub enum ObjectError {
+    #[error("object {} is not in the store", digest.short())]
+    Missing { digest: Digest },
+    #[error("object {} in `{}` is damaged and was set aside", digest.short(), path.display())]
+    Damaged { path: PathBuf, digest: Digest },
+    #[error("cannot read `{}`: {error}", path.display())]
+    Unreadable { path: PathBuf, error: io::Error },
+}
+
+/// `objects/ab/ab12….safetensors`
+pub fn path(store: &Path, digest: &Digest) -> PathBuf {
+    let name = digest.to_string();
+    store.join("objects").join(&name[..2]).join(format!("{name}.safetensors"))
+}
+
+pub fn read(store: &Path, ty: ArtifactType, digest: &Digest) -> Result<Bytes, ObjectError> {
+    let path = path(store, digest);
+    let file = match File::open(&path) {
+        Ok(file) => file,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            return Err(ObjectError::Missing { digest: *digest });
+        }
+        Err(error) => return Err(ObjectError::Unreadable { path, error }),
+    };
+    // SAFETY: objects are never changed after the rename that brought them here.
+    let bytes = match unsafe { Mmap::map(&file) } {
+        Ok(map) => Bytes::Mapped(map),
+        Err(error) => return Err(ObjectError::Unreadable { path, error }),
+    };
+    if digest_of(ty, &bytes) == *digest {
+        return Ok(bytes);
+    }
+    // Out of the way, so that the next writer finds its place free; kept, so that it can be studied.
+    let _ = fs::rename(&path, path.with_extension("damaged"));
+    Err(ObjectError::Damaged { path, digest: *digest })
+}
+
+/// Writes an object through a temporary file, unless it is there already.
+pub fn write(store: &Path, digest: &Digest, bytes: &[u8]) -> Result<(), StoreError> {
+    let path = path(store, digest);
+    if fs::metadata(&path).is_ok_and(|it| it.len() == bytes.len() as u64) {
+        return Ok(());
+    }
+    let folder = path.parent().expect("an object lies in a folder");
+    fs::create_dir_all(folder).map_err(StoreError::new("make the folder", folder))?;
+    let fail = |error| StoreError::new("write", &path)(error);
+    let mut file = tempfile::Builder::new().prefix(".tmp-").tempfile_in(folder).map_err(fail)?;
+    file.write_all(bytes).map_err(|error| StoreError::new("write", &path)(error))?;
+    file.persist(&path).map_err(|e| StoreError::new("write", &path)(e.error))?;
+    Ok(())
+}
