@@ -6,3 +6,5 @@ pub mod graph;
 pub mod library;
 pub mod node;
 pub mod tensors;
+#[doc(hidden)]
+pub mod toy;
