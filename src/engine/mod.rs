@@ -9,3 +9,5 @@ pub mod library;
 pub mod node;
 pub mod store;
 pub mod tensors;
+#[doc(hidden)]
+pub mod toy;
