@@ -7,6 +7,7 @@ pub mod graph;
 pub mod key;
 pub mod library;
 pub mod node;
+pub mod plan;
 pub mod store;
 pub mod tensors;
 #[doc(hidden)]

@@ -1,0 +1,343 @@
+//! What would run, and why. Pure: a graph, what is stored, and nothing else.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    io,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use petgraph::{Direction, graph::NodeIndex};
+
+use super::{
+    digest::Digest,
+    file_digests,
+    graph::{Graph, Instance, PortRef},
+    key::{Difference, Key},
+    node::Arity,
+    store::{Entry, Note, Store},
+};
+
+/// What planning asks of the world.
+pub trait Memory {
+    fn entry(&self, key: &Digest) -> Option<Arc<Entry>>;
+    fn has_object(&self, digest: &Digest) -> bool;
+    /// The key that this instance had when its pipeline was run last.
+    fn last_key(&self, instance: &str) -> Option<Digest>;
+    /// # Errors
+    /// If the file cannot be read.
+    fn file_digest(&self, path: &Path) -> io::Result<Digest>;
+}
+
+/// A store, as one pipeline sees it.
+pub struct PipelineMemory<'a> {
+    pub store: &'a Store,
+    /// Tells one pipeline's instances from another's: the absolute path of its file.
+    pub pipeline: PathBuf,
+}
+
+impl<'a> PipelineMemory<'a> {
+    pub fn new(store: &'a Store, graph: &Graph) -> Self {
+        let path = graph.sources.first().map(|it| it.path.as_path()).unwrap_or(Path::new(""));
+        let pipeline = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        Self { store, pipeline }
+    }
+
+    /// What the last key of an instance is remembered by.
+    pub fn subject(&self, instance: &str) -> Digest {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(self.pipeline.as_os_str().as_encoded_bytes());
+        hasher.update(&[0]);
+        hasher.update(instance.as_bytes());
+        Digest(*hasher.finalize().as_bytes())
+    }
+}
+
+impl Memory for PipelineMemory<'_> {
+    fn entry(&self, key: &Digest) -> Option<Arc<Entry>> {
+        self.store.entry(key)
+    }
+
+    fn has_object(&self, digest: &Digest) -> bool {
+        self.store.has_object(digest)
+    }
+
+    fn last_key(&self, instance: &str) -> Option<Digest> {
+        let bytes = self.store.recall(Note::LastKey, &self.subject(instance))?;
+        Some(Digest(bytes.try_into().ok()?))
+    }
+
+    fn file_digest(&self, path: &Path) -> io::Result<Digest> {
+        file_digests::digest(self.store, path)
+    }
+}
+
+/// What is known of an instance's outputs before (or without) having their values.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Outputs {
+    pub artifacts: BTreeMap<&'static str, OutputInfo>,
+    /// Optional outputs that were left out, and why.
+    pub absent: BTreeMap<&'static str, String>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OutputInfo {
+    pub digest: Digest,
+    pub bytes: u64,
+}
+
+impl Outputs {
+    /// What an entry says, for the ports that the kind declares; `None` if one is missing.
+    pub fn of_entry(instance: &Instance, entry: &Entry) -> Option<Self> {
+        let mut res = Self::default();
+        for port in instance.kind.spec.outputs {
+            let found = entry.outputs.iter().find(|it| it.port == port.name);
+            let absent = entry.absent.iter().find(|it| it.0 == port.name);
+            match (found, absent) {
+                (Some(it), _) if it.ty == port.ty.name => {
+                    let info = OutputInfo { digest: it.digest, bytes: it.bytes };
+                    res.artifacts.insert(port.name, info);
+                }
+                (_, Some((_, why))) => {
+                    res.absent.insert(port.name, why.clone());
+                }
+                _ => return None,
+            }
+        }
+        Some(res)
+    }
+}
+
+/// Why a key cannot be made although all inputs are known.
+#[derive(Debug, Clone, PartialEq)]
+pub enum KeyError {
+    /// An input needs an optional output that was left out.
+    Absent { port: &'static str, from: PortRef, why: String },
+    File { path: PathBuf, error: String },
+}
+
+impl KeyError {
+    pub fn message(&self, graph: &Graph) -> String {
+        match self {
+            Self::Absent { port, from, why } => {
+                let producer = graph.instances[from.instance].id();
+                format!("`{port}` needs `{}` of `{producer}`, which has none: {why}", from.port)
+            }
+            Self::File { path, error } => format!("cannot read `{}`: {error}", path.display()),
+        }
+    }
+}
+
+/// The key of an instance whose inputs' producers are all known.
+///
+/// # Errors
+/// See [`KeyError`].
+pub fn key_of<'a>(
+    instance: &Instance,
+    outputs: impl Fn(NodeIndex) -> &'a Outputs,
+    memory: &dyn Memory,
+) -> Result<Key, KeyError> {
+    let mut inputs = BTreeMap::new();
+    for port in instance.kind.spec.inputs {
+        let Some(sources) = instance.inputs.get(port.name) else { continue };
+        let mut digests = Vec::with_capacity(sources.len());
+        for &from in sources {
+            let producer = outputs(from.instance);
+            match producer.artifacts.get(from.port) {
+                Some(info) => digests.push(Some(info.digest)),
+                None if port.arity == Arity::Optional => digests.push(None),
+                None => {
+                    let why = producer.absent.get(from.port).cloned().unwrap_or_default();
+                    return Err(KeyError::Absent { port: port.name, from, why });
+                }
+            }
+        }
+        inputs.insert(port.name.to_owned(), digests);
+    }
+    let mut files = BTreeMap::new();
+    let declared = instance.node.files();
+    for (path, real) in &instance.files {
+        let name = match declared.iter().find(|it| it.1.0 == *path) {
+            Some((field, _)) => (*field).to_owned(),
+            None => path.display().to_string(),
+        };
+        let digest = memory
+            .file_digest(real)
+            .map_err(|e| KeyError::File { path: real.clone(), error: e.to_string() })?;
+        files.insert(name, digest);
+    }
+    Ok(Key::new(instance.node.as_ref(), inputs, files))
+}
+
+/// Why an instance runs.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Reason {
+    /// Nothing like it was ever run by this pipeline.
+    New,
+    /// Its key is not the one that it had last.
+    Changed(Vec<Difference>),
+    /// Its result is known, but the artifact at this port was removed from the store.
+    Evicted { port: &'static str },
+    /// The user asked for it.
+    Forced,
+}
+
+impl Reason {
+    /// Why a key that is not stored is not: compares it with the last one of the instance.
+    pub fn of_miss(key: &Key, instance: &str, memory: &dyn Memory) -> Self {
+        let old = memory.last_key(instance).and_then(|it| memory.entry(&it));
+        match old.and_then(|it| serde_json::from_str::<Key>(&it.key).ok()) {
+            Some(old) => match key.differences(&old) {
+                differences if differences.is_empty() => Self::New,
+                differences => Self::Changed(differences),
+            },
+            None => Self::New,
+        }
+    }
+}
+
+impl std::fmt::Display for Reason {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::New => f.write_str("new"),
+            Self::Changed(differences) => {
+                let texts: Vec<String> = differences.iter().map(ToString::to_string).collect();
+                f.write_str(&texts.join(", "))
+            }
+            Self::Evicted { port } => write!(f, "`{port}` is no longer in the store"),
+            Self::Forced => f.write_str("forced"),
+        }
+    }
+}
+
+/// What would happen to one instance.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Status {
+    Cached { key: Digest },
+    Run { key: Digest, reason: Reason },
+    /// It depends on what `after` gives; if that is what it gave before, this need not run.
+    Follows { after: NodeIndex },
+    /// It cannot run.
+    Blocked(KeyError),
+    /// Nothing that is wanted needs it.
+    NotWanted,
+}
+
+/// What would happen, by instance.
+pub struct Plan {
+    pub statuses: Vec<Status>,
+    /// Keys that are known.
+    pub keys: Vec<Option<Key>>,
+    /// Parents before children.
+    pub order: Vec<NodeIndex>,
+}
+
+/// The instances that the wanted ones depend on, themselves included; all if none is named.
+pub fn wanted(graph: &Graph, targets: &[NodeIndex]) -> BTreeSet<NodeIndex> {
+    if targets.is_empty() {
+        return graph.instances.node_indices().collect();
+    }
+    let mut res = BTreeSet::new();
+    let mut open = targets.to_vec();
+    while let Some(instance) = open.pop() {
+        if res.insert(instance) {
+            open.extend(graph.instances.neighbors_directed(instance, Direction::Incoming));
+        }
+    }
+    res
+}
+
+/// Plans a run for `targets` (all instances if none is named), with `forced` ones run in any case.
+pub fn plan(
+    graph: &Graph,
+    targets: &[NodeIndex],
+    forced: &BTreeSet<NodeIndex>,
+    memory: &dyn Memory,
+) -> Plan {
+    let n = graph.instances.node_count();
+    let order = topological_order(graph);
+    let wanted = wanted(graph, targets);
+    let mut statuses = vec![Status::NotWanted; n];
+    let mut keys: Vec<Option<Key>> = vec![None; n];
+    let mut outputs: Vec<Option<Outputs>> = vec![None; n];
+    for &index in order.iter().filter(|it| wanted.contains(it)) {
+        let instance = &graph.instances[index];
+        let mut producers = instance.inputs.values().flatten().map(|it| it.instance);
+        if let Some(after) = producers.find(|it| outputs[it.index()].is_none()) {
+            statuses[index.index()] = Status::Follows { after };
+            continue;
+        }
+        let known = |it: NodeIndex| outputs[it.index()].as_ref().expect("producers are known");
+        let key = match key_of(instance, known, memory) {
+            Ok(key) => key,
+            Err(error) => {
+                statuses[index.index()] = Status::Blocked(error);
+                continue;
+            }
+        };
+        let digest = Digest::of(key.text().as_bytes());
+        let entry = memory.entry(&digest).filter(|_| !forced.contains(&index));
+        outputs[index.index()] = entry.and_then(|it| Outputs::of_entry(instance, &it));
+        statuses[index.index()] = if outputs[index.index()].is_some() {
+            Status::Cached { key: digest }
+        } else if forced.contains(&index) {
+            Status::Run { key: digest, reason: Reason::Forced }
+        } else {
+            let reason = Reason::of_miss(&key, &instance.id(), memory);
+            Status::Run { key: digest, reason }
+        };
+        keys[index.index()] = Some(key);
+    }
+    plan_evicted(graph, &order, &outputs, &mut statuses, memory);
+    Plan { statuses, keys, order }
+}
+
+/// Marks cached instances to be run again whose values are needed but no longer stored.
+fn plan_evicted(
+    graph: &Graph,
+    order: &[NodeIndex],
+    outputs: &[Option<Outputs>],
+    statuses: &mut [Status],
+    memory: &dyn Memory,
+) {
+    let mut needed: BTreeSet<PortRef> = graph.outputs.iter().map(|it| it.from).collect();
+    for &index in order.iter().rev() {
+        if let Status::Cached { key } = statuses[index.index()] {
+            let known = outputs[index.index()].as_ref().expect("cached outputs are known");
+            let lost = known.artifacts.iter().find(|(port, info)| {
+                needed.contains(&PortRef { instance: index, port }) && !memory.has_object(&info.digest)
+            });
+            let Some((port, _)) = lost else { continue };
+            statuses[index.index()] = Status::Run { key, reason: Reason::Evicted { port } };
+        }
+        if matches!(statuses[index.index()], Status::Run { .. } | Status::Follows { .. }) {
+            needed.extend(graph.instances[index].inputs.values().flatten());
+        }
+    }
+}
+
+/// Parents before children, otherwise in the order of the file.
+pub fn topological_order(graph: &Graph) -> Vec<NodeIndex> {
+    let instances = &graph.instances;
+    let mut open: Vec<usize> = instances
+        .node_indices()
+        .map(|it| instances.neighbors_directed(it, Direction::Incoming).count())
+        .collect();
+    let mut ready: std::collections::BinaryHeap<std::cmp::Reverse<NodeIndex>> = instances
+        .node_indices()
+        .filter(|it| open[it.index()] == 0)
+        .map(std::cmp::Reverse)
+        .collect();
+    let mut order = Vec::with_capacity(open.len());
+    while let Some(std::cmp::Reverse(index)) = ready.pop() {
+        order.push(index);
+        for child in instances.neighbors_directed(index, Direction::Outgoing) {
+            open[child.index()] -= 1;
+            if open[child.index()] == 0 {
+                ready.push(std::cmp::Reverse(child));
+            }
+        }
+    }
+    assert_eq!(order.len(), open.len(), "a checked pipeline has no cycles");
+    order
+}
