@@ -2,12 +2,14 @@
 
 pub mod artifact;
 pub mod digest;
+pub mod events;
 pub mod file_digests;
 pub mod graph;
 pub mod key;
 pub mod library;
 pub mod node;
 pub mod plan;
+pub mod run;
 pub mod store;
 pub mod tensors;
 #[doc(hidden)]

@@ -148,12 +148,13 @@ impl Store {
         serde_json::from_slice(&payload).ok().map(Arc::new)
     }
 
-    /// Sees what other processes have written since.
+    /// Sees what other processes have written since; costs little if nobody has.
     ///
     /// # Errors
     /// If the log cannot be read.
     pub fn refresh(&self) -> Result<(), StoreError> {
-        self.log().refresh()
+        let mut log = self.log();
+        if log.is_stale() { log.refresh() } else { Ok(()) }
     }
 
     /// Whether an object is there. Its bytes are checked when they are read.

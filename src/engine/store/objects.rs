@@ -4,6 +4,7 @@ use std::{
     fs::{self, File},
     io::{self, Write},
     ops::Deref,
+    os::unix::fs::PermissionsExt,
     path::{Path, PathBuf},
 };
 
@@ -80,8 +81,13 @@ pub fn write(store: &Path, digest: &Digest, bytes: &[u8]) -> Result<(), StoreErr
     let folder = path.parent().expect("an object lies in a folder");
     fs::create_dir_all(folder).map_err(StoreError::new("make the folder", folder))?;
     let fail = |error| StoreError::new("write", &path)(error);
-    let mut file = tempfile::Builder::new().prefix(".tmp-").tempfile_in(folder).map_err(fail)?;
-    file.write_all(bytes).map_err(|error| StoreError::new("write", &path)(error))?;
+    // As readable as any other file: stores are shared.
+    let mut file = tempfile::Builder::new()
+        .prefix(".tmp-")
+        .permissions(fs::Permissions::from_mode(0o666))
+        .tempfile_in(folder)
+        .map_err(fail)?;
+    file.write_all(bytes).map_err(fail)?;
     file.persist(&path).map_err(|e| StoreError::new("write", &path)(e.error))?;
     Ok(())
 }

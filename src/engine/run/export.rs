@@ -1,0 +1,61 @@
+//! Writes artifacts into the user's folder.
+
+use std::{fs, io::Write, os::unix::fs::PermissionsExt, path::Path};
+
+use crate::engine::{
+    artifact::{AnyArtifact, Decoder},
+    digest::Digest,
+    events::Failure,
+    file_digests,
+    library::Library,
+    node::extension_of,
+};
+
+/// Writes an artifact through a temporary file in the format that the path's extension names.
+///
+/// Returns the number of bytes.
+///
+/// # Errors
+/// If the artifact cannot be written in this format, or the disk refuses.
+pub fn write(library: &Library, artifact: &AnyArtifact, path: &Path) -> Result<u64, Failure> {
+    let bytes = encode(library, artifact, &extension_of(path)).map_err(Failure::Node)?;
+    let fail = |error| Failure::Environment(format!("cannot write `{}`: {error}", path.display()));
+    let folder = path.parent().filter(|it| !it.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    fs::create_dir_all(folder).map_err(fail)?;
+    // Temporary files are private by default; what lands in the user's folder is an ordinary file.
+    let ordinary = fs::Permissions::from_mode(0o666);
+    let mut file = tempfile::Builder::new()
+        .prefix(".sinew-")
+        .permissions(ordinary)
+        .tempfile_in(folder)
+        .map_err(fail)?;
+    file.write_all(&bytes).map_err(fail)?;
+    file.persist(path).map_err(|e| fail(e.error))?;
+    Ok(bytes.len() as u64)
+}
+
+/// The bytes of an artifact in a format.
+///
+/// # Errors
+/// If the artifact cannot be written in this format, with the ones that it can.
+pub fn encode(library: &Library, artifact: &AnyArtifact, extension: &str) -> Result<Vec<u8>, String> {
+    if let Some(common) = library.common_formats.iter().find(|it| it.format.extension == extension) {
+        let bytes = artifact.to_bytes();
+        let decoder = Decoder::new(&bytes).map_err(|e| e.to_string())?;
+        return (common.write)(&bytes, &decoder).map_err(|e| e.to_string());
+    }
+    artifact.export(extension)
+}
+
+/// What is remembered about an exported file: its artifact, and the file's own identity.
+pub fn receipt(artifact: Digest, path: &Path) -> Option<Vec<u8>> {
+    let meta = fs::metadata(path).ok()?;
+    let identity = file_digests::identity(path, &meta);
+    Some([artifact.0, identity.0].concat())
+}
+
+/// What a receipt is remembered by.
+pub fn subject(path: &Path) -> Digest {
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    Digest::of(path.as_os_str().as_encoded_bytes())
+}

@@ -1,0 +1,57 @@
+//! Runs a graph: starts what is ready, keeps what is done, stops only what cannot go on.
+//!
+//! One thread, the coordinator ([`coordinator`]), owns all state and makes every decision; workers
+//! ([`worker`]) compute and read, the writer ([`writer`]) stores behind them. They talk by messages,
+//! so every change of state happens in one place and in one order.
+
+mod coordinator;
+mod export;
+mod ready;
+mod slots;
+mod worker;
+mod writer;
+
+use std::collections::BTreeSet;
+
+use petgraph::graph::NodeIndex;
+
+use super::{
+    events::{Observer, RunReport},
+    graph::Graph,
+    library::Library,
+    node::Surroundings,
+    store::Store,
+};
+
+/// How to run. None of it changes a result.
+#[derive(Debug, Clone)]
+pub struct RunOptions {
+    /// Threads for all nodes together.
+    pub threads: usize,
+    /// Bytes that live artifacts may take before they are dropped and read again.
+    pub memory: u64,
+    /// Instances to bring up to date with all they depend on; every one if none is named.
+    pub targets: Vec<NodeIndex>,
+    /// Instances to compute although they are stored.
+    pub forced: BTreeSet<NodeIndex>,
+    /// Start nothing more after the first failure.
+    pub fail_fast: bool,
+    pub surroundings: Surroundings,
+    /// The folder that output paths are relative to.
+    pub output_dir: std::path::PathBuf,
+    /// The name of the run, kept with every result that it makes.
+    pub run_id: String,
+}
+
+/// Brings the targets of a graph up to date and writes the files that its outputs name.
+///
+/// Never fails as a whole: the report says how it ended for every instance.
+pub fn run(
+    graph: &Graph,
+    library: &Library,
+    store: &Store,
+    options: &RunOptions,
+    observer: &mut dyn Observer,
+) -> RunReport {
+    coordinator::Coordinator::new(graph, library, store, options, observer).run()
+}
