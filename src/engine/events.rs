@@ -4,7 +4,12 @@ use std::time::Duration;
 
 use petgraph::graph::NodeIndex;
 
-use super::{graph::Graph, plan::Reason, store::StoreError};
+use super::{
+    digest::Digest,
+    graph::Graph,
+    plan::{Outputs, Reason},
+    store::StoreError,
+};
 
 /// One thing that happened.
 #[derive(Debug)]
@@ -15,7 +20,12 @@ pub enum Event<'a> {
     Progress { instance: NodeIndex, fraction: Option<f64>, text: &'a str },
     /// Another process computes the same key; its result will be used.
     Waiting { instance: NodeIndex },
-    Finished { instance: NodeIndex, outcome: &'a Outcome },
+    Finished {
+        instance: NodeIndex,
+        outcome: &'a Outcome,
+        key: Option<Digest>,
+        outputs: Option<&'a Outputs>,
+    },
     Exported { rule: usize, outcome: &'a ExportOutcome },
 }
 

@@ -1,6 +1,7 @@
 //! Pipelines, keys, plan, store, schedule, execution, run records. Knows no geometry.
 
 pub mod artifact;
+pub mod clock;
 pub mod digest;
 pub mod events;
 pub mod file_digests;
@@ -9,6 +10,7 @@ pub mod key;
 pub mod library;
 pub mod node;
 pub mod plan;
+pub mod record;
 pub mod run;
 pub mod store;
 pub mod tensors;

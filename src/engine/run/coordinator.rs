@@ -688,7 +688,10 @@ impl<'a> Coordinator<'a> {
     // ---- ends ----------------------------------------------------------------------------------
 
     fn end(&mut self, index: NodeIndex, outcome: Outcome) {
-        self.emit(&Event::Finished { instance: index, outcome: &outcome });
+        let slot = &self.slots[index];
+        let (key, outputs) = (slot.key.as_ref().map(|it| it.0), slot.outputs.as_ref());
+        let event = Event::Finished { instance: index, outcome: &outcome, key, outputs };
+        self.observer.event(self.context.graph, &event);
         self.slots[index].outcome = Some(outcome);
         self.release_inputs(index);
     }
