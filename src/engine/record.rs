@@ -11,6 +11,7 @@ use std::{
     time::{Instant, SystemTime},
 };
 
+use petgraph::graph::NodeIndex;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -101,7 +102,7 @@ impl Liner {
     /// The line of an event; none for instances that nobody wants.
     pub fn line(&self, graph: &Graph, event: &Event<'_>) -> Option<Line> {
         let t = self.t();
-        let id = |instance| graph.instances[instance].id();
+        let id = |instance: NodeIndex| graph.instances[instance].id();
         Some(match *event {
             Event::Planned { n_wanted, n_cached } => {
                 Line::Planned { t, nodes: n_wanted, cached: n_cached }
@@ -139,7 +140,7 @@ impl Liner {
         outcome: &Outcome,
         key: Option<Digest>,
         outputs: Option<&Outputs>,
-        instance: petgraph::graph::NodeIndex,
+        instance: NodeIndex,
     ) -> NodeDone {
         let (status, wall, message, notes) = match outcome {
             Outcome::NotWanted => ("not_wanted", None, None, &[][..]),

@@ -248,6 +248,32 @@ impl Log {
         Ok(self.segments.len() - 1)
     }
 
+    /// Writes the records that `keeps` chooses into a new segment and removes all others.
+    ///
+    /// Nobody else may have the store open. A crash on the way leaves records twice, not less.
+    pub fn rewrite(
+        mut self,
+        keeps: impl Fn(RecordKind, &Digest) -> bool,
+    ) -> Result<(), StoreError> {
+        let old: Vec<PathBuf> = self.segments.iter().map(|it| it.path.clone()).collect();
+        let mut records = Vec::new();
+        for kind in RecordKind::ALL {
+            for (digest, _) in self.list(kind) {
+                if keeps(kind, &digest)
+                    && let Some(payload) = self.get(kind, &digest)
+                {
+                    records.push((kind, digest, payload));
+                }
+            }
+        }
+        self.new_segment()?;
+        self.append(&records)?;
+        for path in old {
+            fs::remove_file(&path).map_err(StoreError::new("remove", &path))?;
+        }
+        Ok(())
+    }
+
     /// The paths of all segments.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
         self.segments.iter().map(|it| it.path.as_path())

@@ -15,6 +15,7 @@
 //! the last of a segment: readers stop before it and the next writer cuts it off.
 
 mod claims;
+pub mod gc;
 mod log;
 mod objects;
 
