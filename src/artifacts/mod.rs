@@ -9,7 +9,7 @@ mod skeleton;
 mod table;
 mod weights;
 
-use crate::engine::artifact::ArtifactKind;
+use crate::engine::{artifact::{ArtifactKind, Format}, library::CommonFormat};
 use crate::kernels;
 
 pub use rig::Rig;
@@ -25,3 +25,9 @@ pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::table::Table>(),
     ArtifactKind::of::<kernels::weights::SkinWeights>(),
 ];
+
+/// Formats that hold the arrays of any artifact.
+pub static COMMON_FORMATS: &[CommonFormat] = &[CommonFormat {
+    format: Format { extension: "safetensors", doc: "All arrays, as they are stored." },
+    write: |bytes, _| Ok(bytes.to_vec()),
+}];

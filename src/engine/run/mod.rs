@@ -11,6 +11,8 @@ mod slots;
 mod worker;
 mod writer;
 
+pub use export::encode as encode_artifact;
+
 use std::collections::BTreeSet;
 
 use petgraph::graph::NodeIndex;
