@@ -4,6 +4,11 @@
 //! `tests/tidy.rs` holds them.
 
 pub mod artifacts;
+pub mod cli;
 pub mod engine;
 pub mod kernels;
 pub mod nodes;
+
+/// Every kind and type that there is.
+pub static LIBRARY: engine::library::Library =
+    engine::library::Library { kinds: nodes::ALL, types: artifacts::ALL, common_formats: &[] };

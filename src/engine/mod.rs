@@ -9,6 +9,8 @@ pub mod graph;
 pub mod key;
 pub mod library;
 pub mod node;
+pub mod params;
+pub mod pipeline;
 pub mod plan;
 pub mod record;
 pub mod run;

@@ -1,0 +1,130 @@
+//! The command line: one file a command.
+//!
+//! Data goes to standard output, everything meant for people to standard error.
+
+mod check;
+mod completions;
+mod pipeline_args;
+mod ui;
+
+use std::{path::PathBuf, process::ExitCode};
+
+use clap::{CommandFactory, Parser, Subcommand};
+
+use crate::engine::pipeline::Diagnostics;
+use ui::{ColorWhen, ProgressStyle, Ui};
+
+/// Runs geometry and animation research as declarative pipelines, cached by content.
+#[derive(Parser)]
+#[command(name = "sinew", version, max_term_width = 96, propagate_version = true)]
+struct Cli {
+    #[command(flatten)]
+    global: GlobalArgs,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(clap::Args)]
+#[command(next_help_heading = "Global options")]
+struct GlobalArgs {
+    /// Go to this folder first
+    #[arg(short = 'C', value_name = "DIR", global = true)]
+    folder: Option<PathBuf>,
+    /// Only say what went wrong
+    #[arg(short, long, global = true, conflicts_with = "verbose", env = "SINEW_QUIET")]
+    quiet: bool,
+    /// Say more; twice: everything
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    verbose: u8,
+    /// Colours; without it as NO_COLOR, CLICOLOR_FORCE and the terminal say
+    #[arg(long, value_name = "WHEN", global = true, default_value = "auto", env = "SINEW_COLOR")]
+    color: ColorWhen,
+    /// Write JSON, one object a line, to standard output
+    #[arg(long, global = true)]
+    json: bool,
+    /// How a run shows what it does
+    #[arg(
+        long,
+        value_name = "STYLE",
+        global = true,
+        default_value = "auto",
+        env = "SINEW_PROGRESS"
+    )]
+    progress: ProgressStyle,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Check(check::Args),
+    Completions(completions::Args),
+}
+
+/// How a command ended, if it could do its work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Exit {
+    Success = 0,
+    NodeFailed = 1,
+    /// Wrong usage or a wrong pipeline.
+    Invalid = 2,
+    /// Disk, network, permissions.
+    Environment = 3,
+}
+
+/// Why a command could not do its work.
+#[derive(Debug)]
+pub enum Failure {
+    Usage(String),
+    Pipeline(Diagnostics),
+    Environment(String),
+}
+
+impl From<Diagnostics> for Failure {
+    fn from(diagnostics: Diagnostics) -> Self {
+        Self::Pipeline(diagnostics)
+    }
+}
+
+impl Failure {
+    fn exit(&self) -> Exit {
+        match self {
+            Self::Usage(_) | Self::Pipeline(_) => Exit::Invalid,
+            Self::Environment(_) => Exit::Environment,
+        }
+    }
+}
+
+/// What `main` does.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let ui = Ui::new(&cli.global);
+    let res = enter_folder(cli.global.folder.as_deref()).and_then(|()| run(cli.command, &ui));
+    let exit = res.unwrap_or_else(|failure| {
+        ui.failure(&failure);
+        failure.exit()
+    });
+    ExitCode::from(exit as u8)
+}
+
+fn run(command: Command, ui: &Ui) -> Result<Exit, Failure> {
+    match command {
+        Command::Check(args) => check::run(&args, ui),
+        Command::Completions(args) => completions::run(&args, &mut Cli::command()),
+    }
+}
+
+fn enter_folder(folder: Option<&std::path::Path>) -> Result<(), Failure> {
+    let Some(folder) = folder else { return Ok(()) };
+    std::env::set_current_dir(folder).map_err(|e| {
+        Failure::Usage(format!("cannot go to the folder `{}`: {e}", folder.display()))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_sound() {
+        Cli::command().debug_assert();
+    }
+}

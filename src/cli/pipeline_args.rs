@@ -1,0 +1,47 @@
+//! The arguments of every command that reads one pipeline.
+
+use std::path::{Path, PathBuf};
+
+use super::Failure;
+use crate::{
+    LIBRARY,
+    engine::{
+        graph::Graph,
+        pipeline::{self, Settings},
+    },
+};
+
+#[derive(clap::Args)]
+pub struct PipelineArgs {
+    /// The pipeline
+    pub file: PathBuf,
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+}
+
+#[derive(clap::Args)]
+pub struct SettingsArgs {
+    /// Use the parameters of `[profiles.NAME]`
+    #[arg(short, long, value_name = "NAME", env = "SINEW_PROFILE")]
+    profile: Option<String>,
+    /// Set a parameter: `k=60`, or of one node: `eigs.k=60`; can be repeated
+    #[arg(long, value_name = "NAME=VALUE")]
+    set: Vec<String>,
+}
+
+impl PipelineArgs {
+    /// # Errors
+    /// With everything that is wrong with the pipeline.
+    pub fn load(&self) -> Result<Graph, Failure> {
+        self.settings.load(&self.file)
+    }
+}
+
+impl SettingsArgs {
+    /// # Errors
+    /// With everything that is wrong with the pipeline.
+    pub fn load(&self, file: &Path) -> Result<Graph, Failure> {
+        let settings = Settings { profile: self.profile.clone(), set: self.set.clone() };
+        Ok(pipeline::load(file, &LIBRARY, &settings)?)
+    }
+}

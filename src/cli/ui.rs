@@ -1,0 +1,113 @@
+//! What commands write, and where.
+
+use std::io::Write;
+
+use anstream::ColorChoice;
+use clap::ValueEnum;
+
+use super::{Failure, GlobalArgs};
+use crate::engine::pipeline::Diagnostics;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ColorWhen {
+    Auto,
+    Always,
+    Never,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ProgressStyle {
+    /// Live on a terminal, plain elsewhere
+    Auto,
+    /// A line for each running node, rewritten in place
+    Live,
+    /// A line for each finished node
+    Plain,
+    /// Nothing but failures
+    None,
+}
+
+/// The global flags and the two streams.
+pub struct Ui {
+    pub quiet: bool,
+    pub json: bool,
+    pub progress: ProgressStyle,
+}
+
+impl Ui {
+    pub(super) fn new(args: &GlobalArgs) -> Self {
+        match args.color {
+            ColorWhen::Auto => ColorChoice::Auto,
+            ColorWhen::Always => ColorChoice::Always,
+            ColorWhen::Never => ColorChoice::Never,
+        }
+        .write_global();
+        start_log(args.verbose);
+        Self { quiet: args.quiet, json: args.json, progress: args.progress }
+    }
+
+    /// Writes data to standard output. A reader that has gone away is no mistake.
+    pub fn data(&self, text: &str) {
+        let _ = anstream::stdout().write_all(text.as_bytes());
+    }
+
+    /// One JSON object on a line of its own.
+    pub fn json_line(&self, value: &serde_json::Value) {
+        self.data(&format!("{value}\n"));
+    }
+
+    /// Writes a line for people, unless they want quiet. May hold colours.
+    pub fn message(&self, text: &str) {
+        if !self.quiet {
+            anstream::eprintln!("{text}");
+        }
+    }
+
+    /// A word of what was done and what it was done to: `   Checked file.toml`.
+    pub fn status(&self, verb: &str, text: &str) {
+        self.message(&format!("\x1b[1;32m{verb:>12}\x1b[0m {text}"));
+    }
+
+    /// Writes a line for people in any case.
+    pub fn error(&self, text: &str) {
+        anstream::eprintln!("\x1b[1;91merror\x1b[0m: {text}");
+    }
+
+    /// What is wrong with a pipeline.
+    pub fn diagnostics(&self, diagnostics: &Diagnostics) {
+        if self.json {
+            diagnostics.to_json().iter().for_each(|it| self.json_line(it));
+        } else {
+            anstream::eprint!("{}", diagnostics.render(true));
+        }
+    }
+
+    pub(super) fn failure(&self, failure: &Failure) {
+        match failure {
+            Failure::Usage(message) | Failure::Environment(message) => self.error(message),
+            Failure::Pipeline(diagnostics) => {
+                self.diagnostics(diagnostics);
+                self.error(&count(diagnostics.list.len(), "mistake"));
+            }
+        }
+    }
+}
+
+/// `1 mistake`, `2 mistakes`.
+pub fn count(n: usize, what: &str) -> String {
+    if n == 1 { format!("{n} {what}") } else { format!("{n} {what}s") }
+}
+
+/// The developers' log on standard error: `-v`, `-vv` or `SINEW_LOG` in the form of `RUST_LOG`.
+fn start_log(verbose: u8) {
+    let default = match verbose {
+        0 => "",
+        1 => "sinew=info",
+        _ => "sinew=trace",
+    };
+    let wanted = std::env::var("SINEW_LOG").unwrap_or(default.to_owned());
+    if !wanted.is_empty() {
+        let filter = tracing_subscriber::EnvFilter::new(wanted);
+        tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    }
+}

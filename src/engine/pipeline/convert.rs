@@ -1,0 +1,233 @@
+//! From the values of a file to the data that a kind's parameters are made of.
+
+use serde_json::{Map, Value as Json};
+
+use super::{
+    diagnostic::{Diagnostic, Problems},
+    nearest::suggest,
+    sources::Sources,
+    value::{Data, Entry, Value},
+};
+use crate::engine::params::{Fields, Range, Shape};
+
+/// Converts values of one node; every mistake is reported with the name of the field.
+pub struct Converter<'a> {
+    pub sources: &'a Sources,
+    pub problems: &'a mut Problems,
+}
+
+impl Converter<'_> {
+    /// The value as data; `None` if it is not what the field takes.
+    pub fn convert(&mut self, name: &str, value: &Value, shape: &Shape) -> Option<Json> {
+        match (shape, &value.data) {
+            (_, Data::Broken) => None,
+            (Shape::Text, Data::Text(text)) if !text.starts_with('@') => Some((**text).into()),
+            (Shape::File, Data::Text(text)) if !text.starts_with('@') => {
+                let path = self.sources.resolve(value.base, text);
+                Some(path.to_string_lossy().into_owned().into())
+            }
+            (Shape::Choice(names), Data::Text(text)) if !text.starts_with('@') => {
+                self.choice(name, value, text, names)
+            }
+            (Shape::Bool, Data::Bool(it)) => Some((*it).into()),
+            (Shape::Integer(range), Data::Integer(it)) => {
+                self.in_range(name, value, *it as f64, *range)?;
+                Some((*it).into())
+            }
+            (Shape::Number(range), Data::Integer(it)) => {
+                self.in_range(name, value, *it as f64, *range)?;
+                Some((*it as f64).into())
+            }
+            (Shape::Number(range), Data::Float(it)) => {
+                self.in_range(name, value, *it, *range)?;
+                Some((*it).into())
+            }
+            (Shape::List { item, min, max }, Data::List(items)) => {
+                self.count(name, value, items.len(), *min, *max)?;
+                self.list(name, items, std::iter::repeat(&**item))
+            }
+            (Shape::Tuple(shapes), Data::List(items)) => {
+                self.count(name, value, items.len(), shapes.len(), shapes.len())?;
+                self.list(name, items, shapes.iter())
+            }
+            (Shape::Table(fields), Data::Table(entries)) => {
+                self.table(name, value, entries, fields)
+            }
+            (Shape::Map(item), Data::Table(entries)) => self.map(name, entries, item),
+            (Shape::OneOf(shapes), _) => match pick(shapes, value) {
+                Some(shape) => self.convert(name, value, shape),
+                None => self.wrong_type(name, value, shape),
+            },
+            (Shape::Any, _) => self.anything(value),
+            _ => self.wrong_type(name, value, shape),
+        }
+    }
+
+    fn wrong_type(&mut self, name: &str, value: &Value, shape: &Shape) -> Option<Json> {
+        let is_wire = value.as_text().is_some_and(|it| it.starts_with('@'));
+        let message = if is_wire {
+            format!("`{name}` is a parameter and takes no wire")
+        } else {
+            format!("`{name}` must be {}, but is {}", shape.describe(), value.describe())
+        };
+        self.report(value, message, None)
+    }
+
+    fn in_range(&mut self, name: &str, value: &Value, number: f64, range: Range) -> Option<()> {
+        if range.contains(number) {
+            return Some(());
+        }
+        let message =
+            format!("`{name}` must be a number {}, but is {}", range.describe(), value.describe());
+        self.report(value, message, None)
+    }
+
+    fn choice(
+        &mut self,
+        name: &str,
+        value: &Value,
+        text: &str,
+        names: &[(String, String)],
+    ) -> Option<Json> {
+        if names.iter().any(|it| it.0 == text) {
+            return Some(text.into());
+        }
+        let hint = suggest(text, names.iter().map(|it| it.0.as_str()));
+        self.report(value, format!("`{name}` cannot be \"{text}\""), hint)
+    }
+
+    fn count(&mut self, name: &str, value: &Value, n: usize, min: usize, max: usize) -> Option<()> {
+        if (min..=max).contains(&n) {
+            return Some(());
+        }
+        let wanted = match (min, max) {
+            _ if min == max => format!("exactly {min}"),
+            (_, usize::MAX) => format!("at least {min}"),
+            _ => format!("{min} to {max}"),
+        };
+        self.report(value, format!("`{name}` takes {wanted} values, but has {n}"), None)
+    }
+
+    fn list<'s>(
+        &mut self,
+        name: &str,
+        items: &[Value],
+        shapes: impl Iterator<Item = &'s Shape>,
+    ) -> Option<Json> {
+        let converted: Vec<Option<Json>> =
+            items.iter().zip(shapes).map(|(item, shape)| self.convert(name, item, shape)).collect();
+        converted.into_iter().collect::<Option<Vec<Json>>>().map(Json::Array)
+    }
+
+    fn map(&mut self, name: &str, entries: &[Entry], shape: &Shape) -> Option<Json> {
+        let mut res = Some(Map::new());
+        for Entry { key, value } in entries {
+            let converted = self.convert(&format!("{name}.{}", key.name), value, shape);
+            insert(&mut res, &key.name, converted);
+        }
+        res.map(Json::Object)
+    }
+
+    fn table(
+        &mut self,
+        name: &str,
+        value: &Value,
+        entries: &[Entry],
+        fields: &Fields,
+    ) -> Option<Json> {
+        let mut res = Some(Map::new());
+        for Entry { key, value } in entries {
+            let full_name = format!("{name}.{}", key.name);
+            let converted = match fields.get(&key.name) {
+                Some(field) => self.convert(&full_name, value, &field.shape),
+                None if fields.open => self.anything(value),
+                None => {
+                    let hint = suggest(&key.name, fields.names());
+                    let message = format!("`{name}` has no key `{}`", key.name);
+                    self.problems.push(Diagnostic::error(&key.place, message).hint(hint));
+                    None
+                }
+            };
+            insert(&mut res, &key.name, converted);
+        }
+        for field in fields.list.iter().filter(|it| it.required) {
+            if entries.iter().all(|it| *it.key.name != *field.name) {
+                let message = format!("`{name}` needs `{}`", field.name);
+                res = self.report(value, message, Some(field.doc.clone()));
+            }
+        }
+        res.map(Json::Object)
+    }
+
+    /// What no schema describes is left to the kind.
+    fn anything(&mut self, value: &Value) -> Option<Json> {
+        match &value.data {
+            Data::Broken => None,
+            Data::Text(text) => Some((**text).into()),
+            Data::Integer(it) => Some((*it).into()),
+            Data::Float(it) => Some((*it).into()),
+            Data::Bool(it) => Some((*it).into()),
+            Data::List(items) => items.iter().map(|it| self.anything(it)).collect(),
+            Data::Table(entries) => {
+                let pairs = entries
+                    .iter()
+                    .map(|it| Some((it.key.name.to_string(), self.anything(&it.value)?)));
+                pairs.collect::<Option<Map<_, _>>>().map(Json::Object)
+            }
+        }
+    }
+
+    fn report<T>(&mut self, value: &Value, message: String, hint: Option<String>) -> Option<T> {
+        let place = value.origin.as_ref();
+        self.problems.push(
+            Diagnostic::error(&value.place, message)
+                .hint(hint)
+                .related(place, "the value is written here"),
+        );
+        None
+    }
+}
+
+fn insert(to: &mut Option<Map<String, Json>>, name: &str, value: Option<Json>) {
+    match (to.as_mut(), value) {
+        (Some(map), Some(value)) => drop(map.insert(name.to_owned(), value)),
+        _ => *to = None,
+    }
+}
+
+/// The alternative that a value is meant to be: for a table the one whose tag it has.
+fn pick<'a>(shapes: &'a [Shape], value: &Value) -> Option<&'a Shape> {
+    shapes
+        .iter()
+        .find(|it| matches(it, value, true))
+        .or_else(|| shapes.iter().find(|it| matches(it, value, false)))
+}
+
+fn matches(shape: &Shape, value: &Value, exactly: bool) -> bool {
+    match (shape, &value.data) {
+        (Shape::Any, _)
+        | (Shape::Bool, Data::Bool(_))
+        | (Shape::Integer(_) | Shape::Number(_), Data::Integer(_))
+        | (Shape::Number(_), Data::Float(_))
+        | (Shape::Text | Shape::File, Data::Text(_))
+        | (Shape::List { .. } | Shape::Tuple(_), Data::List(_))
+        | (Shape::Map(_), Data::Table(_)) => true,
+        (Shape::Choice(names), Data::Text(text)) => {
+            !exactly || names.iter().any(|it| *it.0 == **text)
+        }
+        (Shape::Table(fields), Data::Table(entries)) => {
+            !exactly
+                || fields.list.iter().filter(|it| it.required).all(|field| {
+                    let entry = entries.iter().find(|it| *it.key.name == *field.name);
+                    entry.is_some_and(|it| match (&field.shape, &it.value.data) {
+                        (Shape::Choice(names), Data::Text(tag)) => {
+                            names.iter().any(|it| *it.0 == **tag)
+                        }
+                        _ => true,
+                    })
+                })
+        }
+        (Shape::OneOf(shapes), _) => shapes.iter().any(|it| matches(it, value, exactly)),
+        _ => false,
+    }
+}

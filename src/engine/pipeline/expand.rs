@@ -1,0 +1,300 @@
+//! From files to nodes: inner pipelines become the nodes that they are made of.
+//!
+//! A file that is used becomes a [`Scope`]: its parameters with their values, and what its names
+//! mean. Its plain nodes become [`Draft`]s in one list for all files. Names of nodes in an inner
+//! pipeline are written behind the name of the node that uses it: `basis/eigs`.
+
+use std::{collections::HashMap, path::PathBuf, rc::Rc, sync::Arc};
+
+use super::{
+    diagnostic::{Diagnostic, Problems},
+    nearest::suggest,
+    parse::{self, Document, NodeTable},
+    sources::Sources,
+    substitute::{self, Params},
+    value::{Entry, Key, Value},
+};
+use crate::engine::{graph::Place, library::Library, node::NodeKind};
+
+/// The kind that stands for a whole file.
+const PIPELINE: &str = "pipeline";
+
+/// All nodes of a pipeline and its inner pipelines.
+pub struct Expansion {
+    pub drafts: Vec<Draft>,
+    /// The first is the file that was asked for.
+    pub scopes: Vec<Scope>,
+}
+
+/// A node before it is checked.
+pub struct Draft {
+    /// With the names of the pipelines around it.
+    pub name: String,
+    /// (axis, item) pairs.
+    pub labels: Vec<(String, String)>,
+    pub kind: &'static NodeKind,
+    /// Where its wires are looked up.
+    pub scope: usize,
+    pub place: Place,
+    /// Parameters and wires, with `${}` filled in.
+    pub fields: Vec<Entry>,
+}
+
+impl Draft {
+    /// The name by which its own file calls it.
+    pub fn local_name(&self) -> &str {
+        self.name.rsplit('/').next().unwrap_or(&self.name)
+    }
+}
+
+/// A file at one of its uses.
+pub struct Scope {
+    pub document: Rc<Document>,
+    pub params: Params,
+    /// By name: what `@name` means here.
+    pub targets: HashMap<Arc<str>, Target>,
+    /// The scope that uses this one.
+    pub parent: Option<usize>,
+    /// Wires of the parent for the inputs of this file.
+    pub given: HashMap<Arc<str>, Value>,
+}
+
+/// What a wire can lead to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Target {
+    /// A draft.
+    Node(usize),
+    /// The scope of an inner pipeline.
+    Pipeline(usize),
+    /// An input of this file.
+    Input,
+    /// Something whose mistake has been reported.
+    Broken,
+}
+
+impl Expansion {
+    /// Expands a file; `document` is the first of `sources`.
+    pub fn new(
+        document: Document,
+        library: &Library,
+        sources: &mut Sources,
+        problems: &mut Problems,
+    ) -> Self {
+        let mut expander = Expander {
+            library,
+            sources,
+            problems,
+            documents: HashMap::new(),
+            open: vec![0],
+            res: Self { drafts: Vec::new(), scopes: Vec::new() },
+        };
+        let document = Rc::new(document);
+        if let Some(input) = document.inputs.first() {
+            let message = "a pipeline with inputs cannot run on its own";
+            expander.problems.push(
+                Diagnostic::error(&input.name.place, message)
+                    .hint("use it as a node with `kind = \"pipeline\"`".to_owned()),
+            );
+        }
+        expander.expand(Use { document, prefix: "", parent: None, given: Given::default() });
+        expander.res
+    }
+}
+
+/// One use of a file.
+struct Use<'a> {
+    document: Rc<Document>,
+    /// `outer/`, or nothing.
+    prefix: &'a str,
+    parent: Option<usize>,
+    given: Given,
+}
+
+/// What a node of kind `pipeline` hands to its file.
+#[derive(Default)]
+struct Given {
+    params: Params,
+    wires: HashMap<Arc<str>, Value>,
+}
+
+struct Expander<'a> {
+    library: &'a Library,
+    sources: &'a mut Sources,
+    problems: &'a mut Problems,
+    /// Files read so far, by source; `None` if one cannot be parsed.
+    documents: HashMap<usize, Option<Rc<Document>>>,
+    /// The sources whose expansion is under way, outermost first.
+    open: Vec<usize>,
+    res: Expansion,
+}
+
+impl Expander<'_> {
+    /// Adds the scope of a file and all nodes in it.
+    fn expand(&mut self, use_: Use<'_>) -> usize {
+        let Use { document, prefix, parent, given } = use_;
+        let params = substitute::resolve_params(&document.params, given.params, self.problems);
+        let inputs = document.inputs.iter().map(|it| (Arc::clone(&it.name.name), Target::Input));
+        let scope = self.res.scopes.len();
+        self.res.scopes.push(Scope {
+            targets: inputs.collect(),
+            document: Rc::clone(&document),
+            params,
+            parent,
+            given: given.wires,
+        });
+        for node in &document.nodes {
+            let target = self.expand_node(node, scope, prefix);
+            self.res.scopes[scope].targets.insert(Arc::clone(&node.name.name), target);
+        }
+        scope
+    }
+
+    fn expand_node(&mut self, node: &NodeTable, scope: usize, prefix: &str) -> Target {
+        let fields = self.filled_in(&node.fields, scope);
+        match node.kind.as_text() {
+            Some(PIPELINE) => self.expand_pipeline(&node.name, fields, scope, prefix),
+            Some(kind) => match self.library.kind(kind) {
+                Some(kind) => self.add_draft(node, kind, fields, scope, prefix),
+                None => self.report_unknown_kind(kind, &node.kind.place),
+            },
+            None => Target::Broken,
+        }
+    }
+
+    /// The fields of a node with every `${}` replaced.
+    fn filled_in(&mut self, fields: &[Entry], scope: usize) -> Vec<Entry> {
+        let params = &self.res.scopes[scope].params;
+        let fill = |it: &Entry| Entry {
+            key: it.key.clone(),
+            value: substitute::substitute(&it.value, params, self.problems),
+        };
+        fields.iter().map(fill).collect()
+    }
+
+    /// Adds a plain node. A node with axes will add a draft for each of their items here, labelled
+    /// by it; until then every node is one draft without labels.
+    fn add_draft(
+        &mut self,
+        node: &NodeTable,
+        kind: &'static NodeKind,
+        fields: Vec<Entry>,
+        scope: usize,
+        prefix: &str,
+    ) -> Target {
+        self.res.drafts.push(Draft {
+            name: format!("{prefix}{}", node.name.name),
+            labels: Vec::new(),
+            kind,
+            scope,
+            place: node.name.place.clone(),
+            fields,
+        });
+        Target::Node(self.res.drafts.len() - 1)
+    }
+
+    fn report_unknown_kind(&mut self, kind: &str, place: &Place) -> Target {
+        let names = self.library.kinds.iter().map(|it| it.spec.kind).chain([PIPELINE]);
+        let hint = suggest(kind, names).unwrap_or("`sinew nodes` lists all kinds".to_owned());
+        let message = format!("there is no kind of node `{kind}`");
+        self.problems.push(Diagnostic::error(place, message).hint(hint));
+        Target::Broken
+    }
+
+    fn expand_pipeline(
+        &mut self,
+        name: &Key,
+        mut fields: Vec<Entry>,
+        scope: usize,
+        prefix: &str,
+    ) -> Target {
+        let Some(index) = fields.iter().position(|it| &*it.key.name == "file") else {
+            let message = format!("pipeline `{}` names no `file`", name.name);
+            self.problems.push(Diagnostic::error(&name.place, message));
+            return Target::Broken;
+        };
+        let file = fields.remove(index).value;
+        let Some((source, document)) = self.document(&file) else { return Target::Broken };
+        if let Some(start) = self.open.iter().position(|&it| it == source) {
+            return self.report_recursion(start, &file.place);
+        }
+        let given = self.give(name, fields, &document);
+        self.open.push(source);
+        let prefix = format!("{prefix}{}/", name.name);
+        let inner = self.expand(Use { document, prefix: &prefix, parent: Some(scope), given });
+        self.open.pop();
+        Target::Pipeline(inner)
+    }
+
+    /// The inner file that a `file` names.
+    fn document(&mut self, file: &Value) -> Option<(usize, Rc<Document>)> {
+        let path: PathBuf = {
+            let text = parse::text(file, "`file`", self.problems)?;
+            self.sources.resolve(file.base, text)
+        };
+        let source = match self.sources.read(&path) {
+            Ok(source) => source,
+            Err(message) => {
+                self.problems.push(
+                    Diagnostic::error(&file.place, message)
+                        .related(file.origin.as_ref(), "the path is written here"),
+                );
+                return None;
+            }
+        };
+        if !self.documents.contains_key(&source) && !self.open.contains(&source) {
+            let document = parse::parse(source, &self.sources.list[source], self.problems);
+            self.documents.insert(source, document.map(Rc::new));
+        }
+        match self.documents.get(&source) {
+            Some(document) => Some((source, Rc::clone(document.as_ref()?))),
+            // The file that was asked for; its use here is a recursion.
+            None => Some((source, Rc::new(Document::default()))),
+        }
+    }
+
+    fn report_recursion(&mut self, start: usize, place: &Place) -> Target {
+        let path = |&it: &usize| format!("`{}`", self.sources.list[it].path.display());
+        let files: Vec<String> =
+            self.open[start..].iter().chain([&self.open[start]]).map(path).collect();
+        let message = format!("a pipeline cannot contain itself: {}", files.join(" → "));
+        self.problems.push(Diagnostic::error(place, message));
+        Target::Broken
+    }
+
+    /// Sorts the fields of a pipeline node into the inputs and parameters of its file.
+    fn give(&mut self, name: &Key, fields: Vec<Entry>, document: &Document) -> Given {
+        let mut given = Given::default();
+        for Entry { key, value } in fields {
+            let is_wire = value.as_text().is_some_and(|it| it.starts_with('@'));
+            let is_param = document.params.iter().any(|it| it.key.name == key.name);
+            if document.inputs.iter().any(|it| it.name.name == key.name) {
+                given.wires.insert(key.name, value);
+            } else if is_param && is_wire {
+                let message = format!("`{}` is a parameter and takes no wire", key.name);
+                self.problems.push(Diagnostic::error(&value.place, message));
+            } else if is_param {
+                given.params.insert(key.name, value);
+            } else {
+                self.report_unknown_key(name, &key, document);
+            }
+        }
+        for input in &document.inputs {
+            if !given.wires.contains_key(&input.name.name) {
+                let message = format!("`{}.{}` is not wired", name.name, input.name.name);
+                self.problems.push(
+                    Diagnostic::error(&name.place, message)
+                        .related(Some(&input.name.place), "the input is declared here"),
+                );
+            }
+        }
+        given
+    }
+
+    fn report_unknown_key(&mut self, name: &Key, key: &Key, document: &Document) {
+        let inputs = document.inputs.iter().map(|it| &*it.name.name);
+        let names = inputs.chain(document.params.iter().map(|it| &*it.key.name)).chain(["file"]);
+        let message = format!("pipeline `{}` has no key `{}`", name.name, key.name);
+        let hint = suggest(&key.name, names);
+        self.problems.push(Diagnostic::error(&key.place, message).hint(hint));
+    }
+}

@@ -1,0 +1,90 @@
+//! From a pipeline file to a checked graph.
+//!
+//! Every step goes on after a mistake, and the next ones keep quiet about what is already known to
+//! be broken, so that one reading tells every mistake once:
+//!
+//! 1. [`sources`] reads files, [`parse`] cuts them into sections, [`value`] keeps places;
+//! 2. [`overrides`] applies a profile and `--set` to the file that was asked for;
+//! 3. [`expand`] turns inner pipelines into nodes and fills in `${}` ([`substitute`]);
+//! 4. [`wires`] finds the nodes that `@` names, through the ports of inner pipelines;
+//! 5. [`check`] holds every node against its kind: parameters ([`convert`]), wires, files;
+//! 6. [`outputs`] and [`cycles`] look at the whole.
+
+mod check;
+mod convert;
+mod cycles;
+pub mod diagnostic;
+mod expand;
+mod nearest;
+mod outputs;
+mod overrides;
+mod parse;
+mod sources;
+mod substitute;
+mod value;
+mod wires;
+
+use std::path::{Path, PathBuf};
+
+pub use diagnostic::{Diagnostic, Diagnostics, Severity};
+pub use nearest::{nearest, suggest};
+
+use self::{expand::Expansion, sources::Sources};
+use super::{graph::Graph, library::Library};
+
+/// What the user changes about a pipeline without touching its file.
+#[derive(Debug, Clone, Default)]
+pub struct Settings {
+    /// The name of a `[profiles.NAME]` of the file.
+    pub profile: Option<String>,
+    /// `parameter=value` or `node.parameter=value`: values as in TOML, and what is none is a text.
+    pub set: Vec<String>,
+}
+
+/// Reads, expands and checks a pipeline file.
+///
+/// # Errors
+/// With everything that is wrong.
+pub fn load(path: &Path, library: &Library, settings: &Settings) -> Result<Graph, Diagnostics> {
+    let mut sources = Sources::default();
+    match sources.read(path) {
+        Ok(_) => load_first(sources, library, settings),
+        Err(message) => {
+            let problem = Diagnostic::without_place(message);
+            Err(Diagnostics::new(vec![problem], sources.list))
+        }
+    }
+}
+
+/// The same for a text that is no file; relative paths start in `folder`.
+///
+/// # Errors
+/// With everything that is wrong.
+pub fn load_text(
+    text: &str,
+    folder: PathBuf,
+    library: &Library,
+    settings: &Settings,
+) -> Result<Graph, Diagnostics> {
+    let mut sources = Sources::default();
+    sources.add(folder.join("pipeline.toml"), text, folder);
+    load_first(sources, library, settings)
+}
+
+/// Loads the first source.
+fn load_first(
+    mut sources: Sources,
+    library: &Library,
+    settings: &Settings,
+) -> Result<Graph, Diagnostics> {
+    let mut problems = Vec::new();
+    let graph = parse::parse(0, &sources.list[0], &mut problems).and_then(|mut document| {
+        overrides::apply(&mut document, settings, &mut sources, &mut problems);
+        let expansion = Expansion::new(document, library, &mut sources, &mut problems);
+        check::check(&expansion, library, &sources, &mut problems)
+    });
+    match graph {
+        Some(graph) if problems.is_empty() => Ok(Graph { sources: sources.list, ..graph }),
+        _ => Err(Diagnostics::new(problems, sources.list)),
+    }
+}

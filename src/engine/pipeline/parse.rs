@@ -1,0 +1,266 @@
+//! From text to the sections of a pipeline file. Nothing is looked up yet.
+
+use std::{collections::HashSet, sync::Arc};
+
+use toml::de::DeTable;
+
+use super::{
+    diagnostic::{Diagnostic, Problems},
+    nearest::suggest,
+    value::{self, Data, Entry, Key, Value},
+};
+use crate::engine::graph::{Place, Source};
+
+/// The sections of one file, in the order of the file.
+#[derive(Debug, Default)]
+pub struct Document {
+    pub title: Option<String>,
+    pub cites: Vec<String>,
+    pub inputs: Vec<InputPort>,
+    pub params: Vec<Entry>,
+    pub profiles: Vec<Profile>,
+    pub nodes: Vec<NodeTable>,
+    /// From paths (or names of ports, in an inner pipeline) to wires.
+    pub outputs: Vec<Entry>,
+}
+
+/// An input of a pipeline that is used as a node.
+#[derive(Debug)]
+pub struct InputPort {
+    pub name: Key,
+    /// The name of its type.
+    pub ty: Value,
+}
+
+/// Parameters under a name.
+#[derive(Debug)]
+pub struct Profile {
+    pub name: Key,
+    pub params: Vec<Entry>,
+}
+
+/// `[nodes.NAME]`.
+#[derive(Debug, Clone)]
+pub struct NodeTable {
+    pub name: Key,
+    /// Broken if it is missing.
+    pub kind: Value,
+    /// Parameters and wires.
+    pub fields: Vec<Entry>,
+}
+
+const SECTIONS: [&str; 7] =
+    ["pipeline", "inputs", "params", "axes", "profiles", "nodes", "outputs"];
+
+/// Reads a file's text. Every mistake is reported; what is left of the file is returned.
+///
+/// A file with mistakes of syntax gives `None`: what the parser makes of the rest is guesswork.
+pub fn parse(source: usize, file: &Source, problems: &mut Problems) -> Option<Document> {
+    let (table, errors) = DeTable::parse_recoverable(&file.text);
+    if !errors.is_empty() {
+        report_syntax(&errors, source, file, problems);
+        return None;
+    }
+    let mut res = Document::default();
+    for Entry { key, value } in value::entries(table.into_inner(), source, problems) {
+        match &*key.name {
+            "pipeline" => read_heading(value, &mut res, problems),
+            "inputs" => res.inputs = read_inputs(value, problems),
+            "params" => res.params = read_params(value, problems),
+            "profiles" => res.profiles = read_profiles(value, problems),
+            "nodes" => res.nodes = read_nodes(value, problems),
+            "outputs" => res.outputs = table_entries(value, "`outputs`", problems),
+            "axes" => problems.push(
+                Diagnostic::error(&key.place, "axes are not supported yet")
+                    .hint("write a node for each item".to_owned()),
+            ),
+            name => problems.push(
+                Diagnostic::error(&key.place, format!("unknown section `{name}`"))
+                    .hint(suggest(name, SECTIONS)),
+            ),
+        }
+    }
+    report_shared_names(&res, problems);
+    if res.nodes.is_empty() && problems.is_empty() {
+        let start = Place { source, span: 0..0 };
+        problems.push(
+            Diagnostic::error(&start, "the pipeline has no nodes")
+                .hint("a node is a table `[nodes.NAME]` with a `kind`".to_owned()),
+        );
+    }
+    Some(res)
+}
+
+/// One diagnostic a line: the parser's recovery tends to stumble again over the same mistake.
+fn report_syntax(
+    errors: &[toml::de::Error],
+    source: usize,
+    file: &Source,
+    problems: &mut Problems,
+) {
+    let mut lines = HashSet::new();
+    for error in errors {
+        let span = error.span().unwrap_or(0..0);
+        let line = file.text[..span.start].matches('\n').count();
+        if lines.insert(line) {
+            let place = Place { source, span };
+            problems.push(Diagnostic::error(&place, error.message().replace('\n', ", ")));
+        }
+    }
+}
+
+fn read_heading(value: Value, to: &mut Document, problems: &mut Problems) {
+    for Entry { key, value } in table_entries(value, "`pipeline`", problems) {
+        match &*key.name {
+            "title" => to.title = text(&value, "`title`", problems).map(str::to_owned),
+            "description" => {
+                text(&value, "`description`", problems);
+            }
+            "cite" => {
+                let items = match &value.data {
+                    Data::List(items) => items,
+                    _ => std::slice::from_ref(&value),
+                };
+                let texts = items.iter().filter_map(|it| text(it, "`cite`", problems));
+                to.cites = texts.map(str::to_owned).collect();
+            }
+            name => problems.push(
+                Diagnostic::error(&key.place, format!("unknown key `{name}` in `[pipeline]`"))
+                    .hint(suggest(name, ["title", "cite", "description"])),
+            ),
+        }
+    }
+}
+
+/// `name = "mesh"` or `name = { type = "mesh", doc = "…" }`.
+fn read_inputs(value: Value, problems: &mut Problems) -> Vec<InputPort> {
+    let mut res = Vec::new();
+    for Entry { key: name, value } in table_entries(value, "`inputs`", problems) {
+        if !check_name(&name, problems) {
+            continue;
+        }
+        let Data::Table(fields) = &value.data else {
+            res.push(InputPort { name, ty: value });
+            continue;
+        };
+        let mut ty = None;
+        for Entry { key, value } in fields.iter() {
+            match &*key.name {
+                "type" => ty = Some(value.clone()),
+                "doc" => {
+                    text(value, "`doc`", problems);
+                }
+                other => problems.push(
+                    Diagnostic::error(&key.place, format!("unknown key `{other}` of an input"))
+                        .hint(suggest(other, ["type", "doc"])),
+                ),
+            }
+        }
+        let ty = ty.unwrap_or_else(|| {
+            let message = format!("input `{}` has no `type`", name.name);
+            problems.push(Diagnostic::error(&name.place, message));
+            value.broken()
+        });
+        res.push(InputPort { name, ty });
+    }
+    res
+}
+
+fn read_params(value: Value, problems: &mut Problems) -> Vec<Entry> {
+    let params = table_entries(value, "`params`", problems);
+    for Entry { key, value } in &params {
+        check_name(key, problems);
+        if value.as_text().is_some_and(|it| it.starts_with('@')) {
+            let message = format!("parameter `{}` cannot be a wire", key.name);
+            problems.push(
+                Diagnostic::error(&value.place, message)
+                    .hint("artifacts enter a pipeline through `[inputs]`".to_owned()),
+            );
+        }
+    }
+    params
+}
+
+fn read_profiles(value: Value, problems: &mut Problems) -> Vec<Profile> {
+    let mut res = Vec::new();
+    for Entry { key: name, value } in table_entries(value, "`profiles`", problems) {
+        let params = table_entries(value, &format!("profile `{}`", name.name), problems);
+        res.push(Profile { name, params });
+    }
+    res
+}
+
+fn read_nodes(value: Value, problems: &mut Problems) -> Vec<NodeTable> {
+    let mut res = Vec::new();
+    for Entry { key: name, value } in table_entries(value, "`nodes`", problems) {
+        let named = check_name(&name, problems);
+        let broken = value.broken();
+        let is_table = matches!(value.data, Data::Table(_));
+        let mut fields = table_entries(value, &format!("node `{}`", name.name), problems);
+        let kind = match fields.iter().position(|it| &*it.key.name == "kind") {
+            Some(index) => read_kind(fields.remove(index).value, problems),
+            None => {
+                if named && is_table {
+                    let message = format!("node `{}` has no `kind`", name.name);
+                    problems.push(
+                        Diagnostic::error(&name.place, message)
+                            .hint("`sinew nodes` lists all kinds".to_owned()),
+                    );
+                }
+                broken
+            }
+        };
+        res.push(NodeTable { name, kind, fields });
+    }
+    res
+}
+
+fn read_kind(kind: Value, problems: &mut Problems) -> Value {
+    if text(&kind, "`kind`", problems).is_some() { kind } else { kind.broken() }
+}
+
+/// Nodes and inputs are both named by `@`.
+fn report_shared_names(document: &Document, problems: &mut Problems) {
+    let inputs: HashSet<&Arc<str>> = document.inputs.iter().map(|it| &it.name.name).collect();
+    for node in document.nodes.iter().filter(|it| inputs.contains(&it.name.name)) {
+        let message = format!("`{}` is an input as well as a node", node.name.name);
+        problems.push(Diagnostic::error(&node.name.place, message));
+    }
+}
+
+/// The entries of a table; reports that it is none.
+fn table_entries(value: Value, what: &str, problems: &mut Problems) -> Vec<Entry> {
+    match &value.data {
+        Data::Table(entries) => entries.to_vec(),
+        Data::Broken => Vec::new(),
+        _ => {
+            let message = format!("{what} must be a table, but is {}", value.describe());
+            problems.push(Diagnostic::error(&value.place, message));
+            Vec::new()
+        }
+    }
+}
+
+/// The text of a value; reports that it is none.
+pub fn text<'a>(value: &'a Value, what: &str, problems: &mut Problems) -> Option<&'a str> {
+    let res = value.as_text();
+    if res.is_none() && !value.is_broken() {
+        let message = format!("{what} must be a text, but is {}", value.describe());
+        problems.push(Diagnostic::error(&value.place, message));
+    }
+    res
+}
+
+/// Names of nodes, parameters and ports: letters, digits, `_` and `-`.
+pub fn check_name(key: &Key, problems: &mut Problems) -> bool {
+    let allowed = |it: char| it.is_ascii_alphanumeric() || it == '_' || it == '-';
+    let res = !key.name.is_empty() && key.name.chars().all(allowed);
+    if !res {
+        let message = format!("`{}` is not a name", key.name);
+        problems.push(
+            Diagnostic::error(&key.place, message)
+                .hint("names are made of letters, digits, `_` and `-`".to_owned()),
+        );
+    }
+    res
+}
