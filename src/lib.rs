@@ -11,4 +11,8 @@ pub mod nodes;
 
 /// Every kind and type that there is.
 pub static LIBRARY: engine::library::Library =
-    engine::library::Library { kinds: nodes::ALL, types: artifacts::ALL, common_formats: &[] };
+    engine::library::Library {
+        kinds: nodes::ALL,
+        types: artifacts::ALL,
+        common_formats: artifacts::COMMON_FORMATS,
+    };

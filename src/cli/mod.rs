@@ -2,16 +2,25 @@
 //!
 //! Data goes to standard output, everything meant for people to standard error.
 
+mod cache;
 mod check;
+mod common;
 mod completions;
+mod explain;
 mod pipeline_args;
+mod plan;
+mod progress;
+mod run;
+mod runs;
+mod show;
+mod style;
 mod ui;
 
 use std::{path::PathBuf, process::ExitCode};
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-use crate::engine::pipeline::Diagnostics;
+use crate::{LIBRARY, engine::pipeline::Diagnostics};
 use ui::{ColorWhen, ProgressStyle, Ui};
 
 /// Runs geometry and animation research as declarative pipelines, cached by content.
@@ -55,6 +64,12 @@ struct GlobalArgs {
 
 #[derive(Subcommand)]
 enum Command {
+    Run(run::Args),
+    Plan(plan::Args),
+    Explain(explain::Args),
+    Show(show::Args),
+    Runs(runs::Args),
+    Cache(cache::Args),
     Check(check::Args),
     Completions(completions::Args),
 }
@@ -68,6 +83,7 @@ pub enum Exit {
     Invalid = 2,
     /// Disk, network, permissions.
     Environment = 3,
+    Bug = 101,
 }
 
 /// Why a command could not do its work.
@@ -85,6 +101,14 @@ impl From<Diagnostics> for Failure {
 }
 
 impl Failure {
+    fn usage(message: impl std::fmt::Display) -> Self {
+        Self::Usage(message.to_string())
+    }
+
+    fn environment(message: impl std::fmt::Display) -> Self {
+        Self::Environment(message.to_string())
+    }
+
     fn exit(&self) -> Exit {
         match self {
             Self::Usage(_) | Self::Pipeline(_) => Exit::Invalid,
@@ -97,7 +121,7 @@ impl Failure {
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let ui = Ui::new(&cli.global);
-    let res = enter_folder(cli.global.folder.as_deref()).and_then(|()| run(cli.command, &ui));
+    let res = enter_folder(cli.global.folder.as_deref()).and_then(|()| start(cli.command, &ui));
     let exit = res.unwrap_or_else(|failure| {
         ui.failure(&failure);
         failure.exit()
@@ -105,8 +129,14 @@ pub fn main() -> ExitCode {
     ExitCode::from(exit as u8)
 }
 
-fn run(command: Command, ui: &Ui) -> Result<Exit, Failure> {
+fn start(command: Command, ui: &Ui) -> Result<Exit, Failure> {
     match command {
+        Command::Run(args) => run::run(&args, ui),
+        Command::Plan(args) => plan::run(&args, ui),
+        Command::Explain(args) => explain::run(&args, ui),
+        Command::Show(args) => show::run(&args, ui),
+        Command::Runs(args) => runs::run(&args, ui),
+        Command::Cache(args) => cache::run(&args, ui),
         Command::Check(args) => check::run(&args, ui),
         Command::Completions(args) => completions::run(&args, &mut Cli::command()),
     }

@@ -1,11 +1,11 @@
 //! What commands write, and where.
 
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 
 use anstream::ColorChoice;
 use clap::ValueEnum;
 
-use super::{Failure, GlobalArgs};
+use super::{Failure, GlobalArgs, progress::Detail};
 use crate::engine::pipeline::Diagnostics;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -31,7 +31,10 @@ pub enum ProgressStyle {
 pub struct Ui {
     pub quiet: bool,
     pub json: bool,
-    pub progress: ProgressStyle,
+    /// How much a run tells.
+    pub detail: Detail,
+    /// Whether standard error can show bars that move.
+    pub live: bool,
 }
 
 impl Ui {
@@ -43,7 +46,18 @@ impl Ui {
         }
         .write_global();
         start_log(args.verbose);
-        Self { quiet: args.quiet, json: args.json, progress: args.progress }
+        let detail = match args.verbose {
+            _ if args.quiet || args.progress == ProgressStyle::None => Detail::Quiet,
+            0 => Detail::Normal,
+            _ => Detail::Verbose,
+        };
+        let dumb = std::env::var_os("TERM").is_some_and(|it| it == "dumb");
+        let live = match args.progress {
+            ProgressStyle::Live => true,
+            ProgressStyle::Auto => std::io::stderr().is_terminal() && !dumb && args.verbose < 2,
+            ProgressStyle::Plain | ProgressStyle::None => false,
+        };
+        Self { quiet: args.quiet, json: args.json, detail, live }
     }
 
     /// Writes data to standard output. A reader that has gone away is no mistake.

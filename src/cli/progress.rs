@@ -1,0 +1,179 @@
+//! What a run shows while it goes: lines for people on standard error.
+
+use std::{collections::BTreeMap, time::Duration};
+
+use anstream::eprintln;
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use petgraph::graph::NodeIndex;
+
+use super::style;
+use crate::engine::{
+    clock::{show_bytes, show_duration},
+    events::{Event, ExportOutcome, Failure, Observer, Outcome},
+    graph::Graph,
+};
+
+/// How much is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Detail {
+    /// Failures only.
+    Quiet,
+    /// What ran and what was written.
+    Normal,
+    /// What was cached as well, and every start.
+    Verbose,
+}
+
+/// Shows a run on a terminal or in a log.
+pub struct Progress {
+    detail: Detail,
+    live: Option<Live>,
+    /// Names are padded to this width.
+    width: usize,
+}
+
+/// The moving part at the bottom of a terminal.
+struct Live {
+    bars: MultiProgress,
+    total: ProgressBar,
+    running: BTreeMap<NodeIndex, ProgressBar>,
+}
+
+impl Progress {
+    /// `live`: bars that move, for a terminal.
+    pub fn new(graph: &Graph, detail: Detail, live: bool) -> Self {
+        let width = graph.instances.node_weights().map(|it| it.id().chars().count()).max();
+        let live = (live && detail != Detail::Quiet).then(|| {
+            let bars = MultiProgress::with_draw_target(ProgressDrawTarget::stderr_with_hz(10));
+            let total = bars.add(ProgressBar::new(0));
+            let template = "  {bar:24} {pos}/{len} nodes  {elapsed}  {msg}";
+            total.set_style(ProgressStyle::with_template(template).expect("a valid template"));
+            Live { bars, total, running: BTreeMap::new() }
+        });
+        Self { detail, live, width: width.unwrap_or(0).min(40) }
+    }
+
+    /// Takes the moving part away.
+    pub fn finish(&mut self) {
+        if let Some(live) = self.live.take() {
+            live.total.finish_and_clear();
+            let _ = live.bars.clear();
+        }
+    }
+
+    fn line(&self, word: &str, style: anstyle::Style, rest: &str) {
+        let text = format!("{style}{word:>10}{style:#}  {rest}");
+        match &self.live {
+            Some(live) => live.bars.suspend(|| eprintln!("{text}")),
+            None => eprintln!("{text}"),
+        }
+    }
+
+    fn finished(&mut self, graph: &Graph, index: NodeIndex, outcome: &Outcome) {
+        if let Some(live) = &mut self.live
+            && *outcome != Outcome::NotWanted
+        {
+            live.total.inc(1);
+            if let Some(bar) = live.running.remove(&index) {
+                bar.finish_and_clear();
+            }
+        }
+        let id = graph.instances[index].id();
+        let padded = format!("{id:width$}", width = self.width);
+        let verbose = self.detail == Detail::Verbose;
+        match outcome {
+            Outcome::Ran { wall, reason, notes } if self.detail != Detail::Quiet => {
+                let time = show_duration(*wall);
+                self.line("ran", style::GOOD, &format!("{padded}  {time:>8}  {reason}"));
+                for note in notes {
+                    self.line("note", style::NOTE, &format!("{id}: {note}"));
+                }
+            }
+            Outcome::CutOff if self.detail != Detail::Quiet => {
+                self.line("cut off", style::CACHED, &format!("{padded}  its inputs are as before"));
+            }
+            Outcome::Cached if verbose => self.line("cached", style::CACHED, &padded),
+            Outcome::Shared if verbose => {
+                self.line("shared", style::CACHED, &format!("{padded}  computed elsewhere"));
+            }
+            Outcome::Failed { failure, .. } => {
+                let place = graph.show_place(&graph.instances[index].place);
+                self.line("FAILED", style::BAD, &format!("{padded}  {}", show_failure(failure)));
+                self.line("", style::NOTE, &format!("{:width$}  {place}", "", width = self.width));
+            }
+            Outcome::Skipped { because } if self.detail != Detail::Quiet => {
+                let cause = graph.instances[*because].id();
+                self.line("skipped", style::WARN, &format!("{padded}  needs {cause}"));
+            }
+            _ => {}
+        }
+    }
+
+    fn exported(&self, graph: &Graph, rule: usize, outcome: &ExportOutcome) {
+        let path = graph.outputs[rule].path.display();
+        match outcome {
+            ExportOutcome::Written { bytes } if self.detail != Detail::Quiet => {
+                self.line("wrote", style::GOOD, &format!("{path}  {}", show_bytes(*bytes)));
+            }
+            ExportOutcome::UpToDate if self.detail == Detail::Verbose => {
+                self.line("kept", style::CACHED, &format!("{path}  up to date"));
+            }
+            ExportOutcome::Failed { failure } => {
+                self.line("FAILED", style::BAD, &format!("{path}  {}", show_failure(failure)));
+            }
+            _ => {}
+        }
+    }
+}
+
+/// A failure's message; a panic is called the bug that it is.
+pub fn show_failure(failure: &Failure) -> String {
+    match failure {
+        Failure::Node(message) | Failure::Environment(message) => message.clone(),
+        Failure::Panic(message) => format!("this is a bug of Sinew, please report it: {message}"),
+    }
+}
+
+impl Observer for Progress {
+    fn event(&mut self, graph: &Graph, event: &Event<'_>) {
+        match *event {
+            Event::Planned { n_wanted, n_cached } => {
+                if let Some(live) = &self.live {
+                    live.total.set_length(n_wanted as u64);
+                }
+                if self.detail != Detail::Quiet && n_cached < n_wanted {
+                    let to_run = n_wanted - n_cached;
+                    let text = format!("{n_wanted} nodes: {n_cached} cached, {to_run} to do");
+                    self.line("Planned", style::HEAD, &text);
+                }
+            }
+            Event::Started { instance, threads, .. } => {
+                let id = graph.instances[instance].id();
+                if let Some(live) = &mut self.live {
+                    let bar = live.bars.add(ProgressBar::new_spinner());
+                    let template = "  {spinner} {prefix}  {elapsed}  {msg}";
+                    bar.set_style(ProgressStyle::with_template(template).expect("a valid template"));
+                    bar.set_prefix(id);
+                    bar.enable_steady_tick(Duration::from_millis(100));
+                    live.running.insert(instance, bar);
+                } else if self.detail == Detail::Verbose {
+                    self.line("start", style::NOTE, &format!("{id}  {threads} threads"));
+                }
+            }
+            Event::Progress { instance, fraction, text } => {
+                if let Some(bar) = self.live.as_ref().and_then(|it| it.running.get(&instance)) {
+                    let percent = fraction.map(|it| format!("{:.0} %  ", it * 100.0));
+                    bar.set_message(format!("{}{text}", percent.unwrap_or_default()));
+                }
+            }
+            Event::Waiting { instance } => {
+                if self.detail == Detail::Verbose {
+                    let id = graph.instances[instance].id();
+                    self.line("waiting", style::NOTE, &format!("{id}  another run computes it"));
+                }
+            }
+            Event::Finished { instance, outcome, .. } => self.finished(graph, instance, outcome),
+            Event::Exported { rule, outcome } => self.exported(graph, rule, outcome),
+        }
+    }
+}

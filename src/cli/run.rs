@@ -1,0 +1,219 @@
+//! `sinew run`: brings a pipeline up to date.
+
+use std::{path::PathBuf, time::Instant, time::SystemTime};
+
+use super::{
+    Exit, Failure, Ui,
+    common::{self, StoreArgs},
+    pipeline_args::PipelineArgs,
+        progress::Progress,
+    style,
+};
+use crate::engine::{
+    clock::{self, show_duration},
+    events::{Event, Observer, RunReport},
+    graph::Graph,
+    node::Surroundings,
+    record::{self, Liner, RECORD_VERSION, Recorder, RunStart, SourceText},
+    run::{self, RunOptions},
+    store::{Access, Store},
+};
+
+/// Run a pipeline: compute what is missing or changed, write its outputs
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    pipeline: PipelineArgs,
+
+    /// Nodes to bring up to date with all they need; all if none is named
+    nodes: Vec<String>,
+
+    #[command(flatten)]
+    store: StoreArgs,
+
+    /// Threads for all nodes together
+    #[arg(short, long, value_name = "N", env = "SINEW_JOBS")]
+    jobs: Option<usize>,
+
+    /// Memory that results may take before they are dropped and read again, such as 8G
+    #[arg(long, value_name = "SIZE", env = "SINEW_MEM", value_parser = parse_size)]
+    mem: Option<u64>,
+
+    /// Computes a node again although its result is stored
+    #[arg(long, value_name = "NODE")]
+    force: Vec<String>,
+
+    /// Starts nothing more after the first failure
+    #[arg(long)]
+    fail_fast: bool,
+
+    /// Reads the cache but writes nothing to it
+    #[arg(long)]
+    read_only_cache: bool,
+
+    /// Uses no network
+    #[arg(long, env = "SINEW_OFFLINE")]
+    offline: bool,
+
+    /// Folders where downloads are looked up first, by content
+    #[arg(long, value_name = "DIR", env = "SINEW_MIRROR", value_delimiter = ':')]
+    mirror: Vec<PathBuf>,
+
+    /// The folder that the paths of `[outputs]` are relative to
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    out: PathBuf,
+}
+
+pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
+    let graph = args.pipeline.load()?;
+    let options = RunOptions {
+        threads: args.jobs.unwrap_or_else(available_threads).max(1),
+        memory: args.mem.unwrap_or_else(default_memory),
+        targets: common::find_all(&graph, &args.nodes)?,
+        forced: common::find_all(&graph, &args.force)?.into_iter().collect(),
+        fail_fast: args.fail_fast,
+        surroundings: Surroundings { mirrors: args.mirror.clone(), offline: args.offline },
+        output_dir: args.out.clone(),
+        run_id: record::new_run_id(),
+    };
+    let store = if args.read_only_cache { args.store.open_read_only()? } else { args.store.open()? };
+    let start = run_start(&graph, &options);
+    let mut watch = Watch::new(&graph, &store, &start, ui);
+    let report = run::run(&graph, &crate::LIBRARY, &store, &options, &mut watch);
+    watch.end(&report, &graph, ui, &options.run_id);
+    exit_code(&report, &store)
+}
+
+/// Everybody who watches a run from the command line.
+struct Watch {
+    progress: Progress,
+    recorder: Option<Recorder>,
+    json: Option<Liner>,
+}
+
+impl Watch {
+    fn new(graph: &Graph, store: &Store, start: &RunStart, ui: &Ui) -> Self {
+        let recorder = (store.access() == Access::ReadWrite)
+            .then(|| Recorder::start(store.dir(), start));
+        let json = ui.json.then(|| {
+            print_line(&record::Line::RunStart(start.clone()));
+            Liner::new(Instant::now())
+        });
+        Self { progress: Progress::new(graph, ui.detail, ui.live), recorder, json }
+    }
+
+    fn end(mut self, report: &RunReport, graph: &Graph, ui: &Ui, run_id: &str) {
+        self.progress.finish();
+        if let Some(json) = &self.json {
+            print_line(&json.done(report));
+        }
+        if let Some(recorder) = self.recorder {
+            recorder.done(report);
+        }
+        if ui.detail != super::progress::Detail::Quiet {
+            summarize(report, graph, run_id);
+        }
+    }
+}
+
+impl Observer for Watch {
+    fn event(&mut self, graph: &Graph, event: &Event<'_>) {
+        self.progress.event(graph, event);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.event(graph, event);
+        }
+        if let Some(line) = self.json.as_ref().and_then(|it| it.line(graph, event)) {
+            print_line(&line);
+        }
+    }
+}
+
+fn print_line(line: &record::Line) {
+    println!("{}", serde_json::to_string(line).expect("lines are plain data"));
+}
+
+/// The last line: what came of it.
+fn summarize(report: &RunReport, graph: &Graph, run_id: &str) {
+    let counts = report.counts();
+    let time = show_duration(report.wall);
+    let (head, text) = if report.succeeded() && counts.ran == 0 {
+        let n = counts.cached + counts.cut_off;
+        (style::GOOD, format!("{n} nodes up to date in {time}"))
+    } else {
+        let named = [
+            (counts.ran, "ran"),
+            (counts.cached, "cached"),
+            (counts.cut_off, "cut off"),
+            (counts.failed, "failed"),
+            (counts.skipped, "skipped"),
+        ];
+        let parts: Vec<String> =
+            named.iter().filter(|it| it.0 > 0).map(|(n, what)| format!("{n} {what}")).collect();
+        let head = if report.succeeded() { style::GOOD } else { style::BAD };
+        (head, format!("{} of {} nodes in {time}", parts.join(", "), graph.instances.node_count()))
+    };
+    let note = style::NOTE;
+    anstream::eprintln!("{head}{:>10}{head:#}  {text}  {note}(run {run_id}){note:#}", "Finished");
+}
+
+fn exit_code(report: &RunReport, store: &Store) -> Result<Exit, Failure> {
+    if let Some(error) = &report.store_error {
+        return Err(Failure::environment(format_args!(
+            "{error}\nwhat was stored in `{}` before is kept; run again to go on from there",
+            store.dir().display()
+        )));
+    }
+    Ok(match report {
+        it if it.succeeded() => Exit::Success,
+        it if it.panicked() => Exit::Bug,
+        it if it.environment_failed() => Exit::Environment,
+        _ => Exit::NodeFailed,
+    })
+}
+
+fn run_start(graph: &Graph, options: &RunOptions) -> RunStart {
+    let source = |it: &crate::engine::graph::Source| SourceText {
+        path: it.path.clone(),
+        text: it.text.to_string(),
+    };
+    RunStart {
+        v: RECORD_VERSION,
+        run: options.run_id.clone(),
+        time: clock::iso_utc(SystemTime::now()),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        title: graph.title.clone(),
+        args: std::env::args().collect(),
+        folder: std::env::current_dir().unwrap_or_default(),
+        host: std::fs::read_to_string("/etc/hostname").unwrap_or_default().trim().to_owned(),
+        threads: options.threads,
+        sources: graph.sources.iter().map(source).collect(),
+    }
+}
+
+fn available_threads() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Half of the machine's memory.
+fn default_memory() -> u64 {
+    // SAFETY: plain system calls without memory.
+    let (pages, size) =
+        unsafe { (libc::sysconf(libc::_SC_PHYS_PAGES), libc::sysconf(libc::_SC_PAGESIZE)) };
+    u64::try_from(pages).unwrap_or(1 << 20) * u64::try_from(size).unwrap_or(4096) / 2
+}
+
+/// `512M`, `8G`, `1.5 GB`, or bytes.
+pub fn parse_size(text: &str) -> Result<u64, String> {
+    let digits = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+    let (number, unit) = text.split_at(digits);
+    let factor = match unit.trim().to_ascii_uppercase().trim_end_matches('B').trim_end_matches('I') {
+        "" => 1u64,
+        "K" => 1 << 10,
+        "M" => 1 << 20,
+        "G" => 1 << 30,
+        "T" => 1 << 40,
+        _ => return Err(format!("`{unit}` is no unit: K, M, G and T are")),
+    };
+    let number: f64 = number.parse().map_err(|_| format!("`{text}` is no size, such as 8G"))?;
+    Ok((number * factor as f64) as u64)
+}
