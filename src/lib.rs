@@ -10,9 +10,8 @@ pub mod kernels;
 pub mod nodes;
 
 /// Every kind and type that there is.
-pub static LIBRARY: engine::library::Library =
-    engine::library::Library {
-        kinds: nodes::ALL,
-        types: artifacts::ALL,
-        common_formats: artifacts::COMMON_FORMATS,
-    };
+pub static LIBRARY: engine::library::Library = engine::library::Library {
+    kinds: nodes::ALL,
+    types: artifacts::ALL,
+    common_formats: artifacts::COMMON_FORMATS,
+};

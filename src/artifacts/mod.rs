@@ -9,7 +9,10 @@ mod skeleton;
 mod table;
 mod weights;
 
-use crate::engine::{artifact::{ArtifactKind, Format}, library::CommonFormat};
+use crate::engine::{
+    artifact::{ArtifactKind, Format},
+    library::CommonFormat,
+};
 use crate::kernels;
 
 pub use rig::Rig;

@@ -1,16 +1,11 @@
 //! `sinew cache`: what is stored, what can go, what is damaged.
 
-use std::{time::Duration};
+use std::time::Duration;
 
 use anstream::println;
 use clap::Subcommand;
 
-use super::{
-    Exit, Failure, LIBRARY, Ui,
-    common::StoreArgs,
-        run::parse_size,
-    style,
-};
+use super::{Exit, Failure, LIBRARY, Ui, common::StoreArgs, run::parse_size, style};
 use crate::engine::{
     clock::{show_bytes, show_duration},
     store::gc::{self, GcError, GcOptions, GcReport},

@@ -68,7 +68,9 @@ fn print_status(graph: &Graph, index: NodeIndex, plan: &Plan) {
         graph.show_place(&instance.place)
     );
     match &plan.statuses[index.index()] {
-        Status::Cached { key } => println!("{:>10}  its result is stored under {}", "cached", key.short()),
+        Status::Cached { key } => {
+            println!("{:>10}  its result is stored under {}", "cached", key.short())
+        }
         Status::Run { reason, .. } => {
             println!("{good}{:>10}{good:#}  {reason}", "would run");
             if let Reason::Changed(differences) = reason {
@@ -77,7 +79,10 @@ fn print_status(graph: &Graph, index: NodeIndex, plan: &Plan) {
         }
         Status::Follows { after } => {
             let after = graph.instances[*after].id();
-            println!("{:>10}  `{after}` would run first; if that gives what it gave before, this will not", "follows");
+            println!(
+                "{:>10}  `{after}` would run first; if that gives what it gave before, this will not",
+                "follows"
+            );
         }
         Status::Blocked(error) => println!("{:>10}  {}", "blocked", error.message(graph)),
         Status::NotWanted => {}
@@ -111,8 +116,10 @@ fn print_key(key: &Key) {
         println!("{:>12}file `{name}`  {}", "", digest.short());
     }
     for (port, digests) in &key.inputs {
-        let list: Vec<String> =
-            digests.iter().map(|it| it.as_ref().map_or("none".to_owned(), |it| it.short())).collect();
+        let list: Vec<String> = digests
+            .iter()
+            .map(|it| it.as_ref().map_or("none".to_owned(), |it| it.short()))
+            .collect();
         println!("{:>12}input `{port}`  {}", "", list.join(" "));
     }
 }

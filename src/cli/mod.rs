@@ -144,9 +144,8 @@ fn start(command: Command, ui: &Ui) -> Result<Exit, Failure> {
 
 fn enter_folder(folder: Option<&std::path::Path>) -> Result<(), Failure> {
     let Some(folder) = folder else { return Ok(()) };
-    std::env::set_current_dir(folder).map_err(|e| {
-        Failure::Usage(format!("cannot go to the folder `{}`: {e}", folder.display()))
-    })
+    std::env::set_current_dir(folder)
+        .map_err(|e| Failure::Usage(format!("cannot go to the folder `{}`: {e}", folder.display())))
 }
 
 #[cfg(test)]

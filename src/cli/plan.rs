@@ -1,6 +1,6 @@
 //! `sinew plan`: what a run would do, and why.
 
-use std::{collections::BTreeSet};
+use std::collections::BTreeSet;
 
 use anstream::println;
 use serde_json::json;
@@ -39,8 +39,13 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
     let targets = common::find_all(&graph, &args.nodes)?;
     let memory = common::memory(&store, &graph);
     let plan = plan::plan(&graph, &targets, &BTreeSet::new(), &memory);
-    if ui.json { print_json(&graph, &plan) } else { print_text(&graph, &plan) }
-    let stale = plan.statuses.iter().any(|it| !matches!(it, Status::Cached { .. } | Status::NotWanted));
+    if ui.json {
+        print_json(&graph, &plan)
+    } else {
+        print_text(&graph, &plan)
+    }
+    let stale =
+        plan.statuses.iter().any(|it| !matches!(it, Status::Cached { .. } | Status::NotWanted));
     Ok(if args.fail_if_stale && stale { Exit::NodeFailed } else { Exit::Success })
 }
 
@@ -61,7 +66,11 @@ fn print_text(graph: &Graph, plan: &Plan) {
             Status::Follows { after } => {
                 follow += 1;
                 let after = graph.instances[*after].id();
-                ("follows", style::WARN, format!("`{after}`, unless that gives what it gave before"))
+                (
+                    "follows",
+                    style::WARN,
+                    format!("`{after}`, unless that gives what it gave before"),
+                )
             }
             Status::Blocked(error) => {
                 blocked += 1;

@@ -152,7 +152,9 @@ impl Observer for Progress {
                 if let Some(live) = &mut self.live {
                     let bar = live.bars.add(ProgressBar::new_spinner());
                     let template = "  {spinner} {prefix}  {elapsed}  {msg}";
-                    bar.set_style(ProgressStyle::with_template(template).expect("a valid template"));
+                    bar.set_style(
+                        ProgressStyle::with_template(template).expect("a valid template"),
+                    );
                     bar.set_prefix(id);
                     bar.enable_steady_tick(Duration::from_millis(100));
                     live.running.insert(instance, bar);

@@ -6,7 +6,7 @@ use super::{
     Exit, Failure, Ui,
     common::{self, StoreArgs},
     pipeline_args::PipelineArgs,
-        progress::Progress,
+    progress::Progress,
     style,
 };
 use crate::engine::{
@@ -76,7 +76,8 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
         output_dir: args.out.clone(),
         run_id: record::new_run_id(),
     };
-    let store = if args.read_only_cache { args.store.open_read_only()? } else { args.store.open()? };
+    let store =
+        if args.read_only_cache { args.store.open_read_only()? } else { args.store.open()? };
     let start = run_start(&graph, &options);
     let mut watch = Watch::new(&graph, &store, &start, ui);
     let report = run::run(&graph, &crate::LIBRARY, &store, &options, &mut watch);
@@ -93,8 +94,8 @@ struct Watch {
 
 impl Watch {
     fn new(graph: &Graph, store: &Store, start: &RunStart, ui: &Ui) -> Self {
-        let recorder = (store.access() == Access::ReadWrite)
-            .then(|| Recorder::start(store.dir(), start));
+        let recorder =
+            (store.access() == Access::ReadWrite).then(|| Recorder::start(store.dir(), start));
         let json = ui.json.then(|| {
             print_line(&record::Line::RunStart(start.clone()));
             Liner::new(Instant::now())
@@ -206,7 +207,8 @@ fn default_memory() -> u64 {
 pub fn parse_size(text: &str) -> Result<u64, String> {
     let digits = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
     let (number, unit) = text.split_at(digits);
-    let factor = match unit.trim().to_ascii_uppercase().trim_end_matches('B').trim_end_matches('I') {
+    let factor = match unit.trim().to_ascii_uppercase().trim_end_matches('B').trim_end_matches('I')
+    {
         "" => 1u64,
         "K" => 1 << 10,
         "M" => 1 << 20,

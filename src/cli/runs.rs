@@ -2,16 +2,12 @@
 
 use std::{path::Path, time::Duration};
 
-use anstream::println;
-use super::{
-    Exit, Failure, Ui,
-    common::StoreArgs,
-        style,
-};
+use super::{Exit, Failure, Ui, common::StoreArgs, style};
 use crate::engine::{
     clock::{show_bytes, show_duration},
     record::{self, Line, NodeDone, Record},
 };
+use anstream::println;
 
 /// List the runs that are on record, or tell one of them again
 #[derive(clap::Args)]
@@ -63,7 +59,10 @@ fn find(dir: &Path, name: &str) -> Result<Record, Failure> {
         _ => paths.iter().find(|it| stem(it).starts_with(name)),
     };
     let Some(path) = path else {
-        return Err(Failure::usage(format_args!("there is no run `{name}` in `{}`", dir.display())));
+        return Err(Failure::usage(format_args!(
+            "there is no run `{name}` in `{}`",
+            dir.display()
+        )));
     };
     Record::read(path)
         .map_err(|e| Failure::environment(format_args!("cannot read `{}`: {e}", path.display())))
@@ -113,7 +112,10 @@ fn tell(record: &Record, ui: &Ui) {
     println!("{head}{:>10}{head:#}  {}  {}", "Run", start.run, start.time);
     println!("{:>10}  {}", "command", start.args.join(" "));
     println!("{:>10}  {}", "folder", start.folder.display());
-    println!("{:>10}  sinew {}, {} threads on {}", "with", start.version, start.threads, start.host);
+    println!(
+        "{:>10}  sinew {}, {} threads on {}",
+        "with", start.version, start.threads, start.host
+    );
     let width = record.nodes().map(|it| it.node.chars().count()).max().unwrap_or(0);
     for line in &record.lines {
         match line {

@@ -9,7 +9,7 @@ use super::{
     Exit, Failure, LIBRARY, Ui,
     common::{self, StoreArgs},
     pipeline_args::PipelineArgs,
-        style,
+    style,
 };
 use crate::engine::{
     artifact::{ArtifactKind, Decoder},
@@ -48,8 +48,12 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
     let store = args.store.open_read_only()?;
     let (index, port) = find_port(&graph, &args.node)?;
     let outputs = stored_outputs(&graph, &store, index)?;
-    let shown: Vec<&str> =
-        outputs.artifacts.keys().copied().filter(|it| port.is_none_or(|port| port == *it)).collect();
+    let shown: Vec<&str> = outputs
+        .artifacts
+        .keys()
+        .copied()
+        .filter(|it| port.is_none_or(|port| port == *it))
+        .collect();
     if let Some(path) = &args.output {
         let [only] = shown[..] else {
             let list = shown.join("`, `");
@@ -127,7 +131,10 @@ fn show(
         let arrays: serde_json::Map<_, _> = decoder
             .arrays()
             .map(|(name, it)| {
-                (name.to_owned(), serde_json::json!({ "dtype": it.dtype.name(), "shape": it.shape }))
+                (
+                    name.to_owned(),
+                    serde_json::json!({ "dtype": it.dtype.name(), "shape": it.shape }),
+                )
             })
             .collect();
         let summary: serde_json::Map<_, _> =
@@ -169,15 +176,21 @@ fn show_array(name: &str, array: &RawArray<'_>, n_rows: usize) {
             n_bad += 1;
         }
     }
-    let range = if low <= high { format!("{} … {}", short(low), short(high)) } else { String::new() };
+    let range =
+        if low <= high { format!("{} … {}", short(low), short(high)) } else { String::new() };
     let bad = if n_bad > 0 { format!("  {n_bad} not finite") } else { String::new() };
     let note = style::NOTE;
-    println!("  {note}{name}  {} [{}]  {range}{bad}{note:#}", array.dtype.name(), shape.join(" x "));
+    println!(
+        "  {note}{name}  {} [{}]  {range}{bad}{note:#}",
+        array.dtype.name(),
+        shape.join(" x ")
+    );
     let n_columns = array.shape.get(1..).map_or(1, |it| it.iter().product::<usize>()).max(1);
     for row in 0..n_rows.min(array.shape.first().copied().unwrap_or(0)) {
         let shown = n_columns.min(8);
-        let cells: Vec<String> =
-            (0..shown).map(|it| format!("{:>12}", short(values.get(row * n_columns + it)))).collect();
+        let cells: Vec<String> = (0..shown)
+            .map(|it| format!("{:>12}", short(values.get(row * n_columns + it))))
+            .collect();
         println!("    {}{}", cells.join(" "), if n_columns > shown { "  …" } else { "" });
     }
 }
@@ -246,8 +259,9 @@ fn export(
         )));
     }
     let bytes = encode_artifact(&LIBRARY, &artifact, &extension).map_err(Failure::usage)?;
-    fs::write(path, &bytes)
-        .map_err(|e| Failure::environment(format_args!("cannot write `{}`: {e}", path.display())))?;
+    fs::write(path, &bytes).map_err(|e| {
+        Failure::environment(format_args!("cannot write `{}`: {e}", path.display()))
+    })?;
     anstream::eprintln!("{}  {}", path.display(), show_bytes(bytes.len() as u64));
     Ok(Exit::Success)
 }
