@@ -6,14 +6,18 @@
 //! does not depend on the number of threads: same input, same bytes.
 
 pub mod basis;
+pub mod clean;
 pub mod clip;
 pub mod files;
+pub mod fill;
 pub mod functional_map;
 pub mod image;
 pub mod landmarks;
 pub mod mesh;
+pub mod normalize;
 pub mod operator;
 pub mod regressor;
+pub mod resampled;
 pub mod shapes;
 pub mod skeleton;
 pub mod sparse;
