@@ -8,6 +8,7 @@
 pub mod basis;
 pub mod clean;
 pub mod clip;
+pub mod decimate;
 pub mod files;
 pub mod fill;
 pub mod functional_map;
@@ -23,6 +24,7 @@ pub mod shapes;
 pub mod skeleton;
 pub mod snapshot;
 pub mod sparse;
+pub mod subdivide;
 pub mod table;
 pub mod topology;
 pub mod weights;

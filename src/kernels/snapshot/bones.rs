@@ -20,21 +20,21 @@ impl Role {
     fn bone_color(self) -> Color {
         match self {
             Self::Own => [0.030, 0.065, 0.235],
-            Self::Truth => [0.015, 0.300, 0.130],
+            Self::Truth => [0.030, 0.480, 0.170],
         }
     }
 
     fn joint_color(self) -> Color {
         match self {
             Self::Own => [0.880, 0.195, 0.045],
-            Self::Truth => [0.120, 0.620, 0.250],
+            Self::Truth => [0.180, 0.800, 0.300],
         }
     }
 
     fn thickness(self) -> f64 {
         match self {
             Self::Own => 1.0,
-            Self::Truth => 0.62,
+            Self::Truth => 0.4,
         }
     }
 }

@@ -91,6 +91,8 @@ pub struct Placement {
     pub scale: f64,
     /// The pixel at which the camera's plane has its origin, from the picture's top left.
     pub origin: [f64; 2],
+    /// The lowest pixel of the figure.
+    pub bottom: f64,
 }
 
 /// The share of a cell that its figure may fill.
@@ -98,26 +100,17 @@ const FILL: [f64; 2] = [0.88, 0.86];
 
 /// Arranges the panels in rows so that the figures become as large as possible.
 ///
-/// `caption_px` is kept free below every row.
+/// A row holds all views of some figures, or some views of one figure. `caption_px` is kept free below
+/// every row.
 pub fn arrange(
     extents: &[Extent],
-    [width, height]: [usize; 2],
+    n_views: usize,
+    size: [usize; 2],
     caption_px: usize,
     scale: Scale,
 ) -> Vec<Placement> {
-    let n = extents.len();
-    let candidates = (1..=n).filter(|&it| n.div_ceil(it) * it < n + it.max(1));
     let layout = |n_columns: usize| {
-        let n_rows = n.div_ceil(n_columns);
-        let cells: Vec<Cell> = (0..n)
-            .map(|it| {
-                let (row, column) = (it / n_columns, it % n_columns);
-                let (left, top) = (width * column / n_columns, height * row / n_rows);
-                let right = width * (column + 1) / n_columns;
-                let bottom = (height * (row + 1) / n_rows).saturating_sub(caption_px);
-                Cell { left, top, width: right - left, height: bottom.saturating_sub(top).max(1) }
-            })
-            .collect();
+        let cells = cells(extents, n_columns, size, caption_px, scale);
         let scales = scales(extents, &cells, scale);
         (cells, scales)
     };
@@ -125,14 +118,53 @@ pub fn arrange(
         let (_, scales) = layout(n_columns);
         extents.iter().zip(&scales).map(|(it, s)| s * it.size()[0].hypot(it.size()[1])).sum()
     };
-    let best = candidates
+    let best = (1..=extents.len())
+        .filter(|it| it % n_views == 0 || n_views % it == 0)
         .max_by(|&a, &b| filled(a).total_cmp(&filled(b)))
-        .expect("a picture shows something");
+        .expect("one view of one figure fits into one column");
     let (cells, scales) = layout(best);
+    let tallest = extents.iter().zip(&scales).map(|(it, s)| s * it.size()[1]).fold(0.0, f64::max);
+    let ground = (scale == Scale::Shared).then_some(tallest / 2.0);
     extents
         .iter()
         .zip(cells.into_iter().zip(scales))
-        .map(|(extent, (cell, cell_scale))| place(extent, cell, cell_scale, scale))
+        .map(|(extent, (cell, cell_scale))| place(extent, cell, cell_scale, ground))
+        .collect()
+}
+
+/// Rows of equal height; columns as wide as what they show.
+fn cells(
+    extents: &[Extent],
+    n_columns: usize,
+    [width, height]: [usize; 2],
+    caption_px: usize,
+    scale: Scale,
+) -> Vec<Cell> {
+    let n_rows = extents.len().div_ceil(n_columns);
+    let height_of = |figure: usize| {
+        let own = extents.iter().filter(|it| scale == Scale::Shared || it.figure == figure);
+        own.map(|it| it.size()[1]).fold(0.0, f64::max)
+    };
+    let mut needs = vec![0.0f64; n_columns];
+    for (index, extent) in extents.iter().enumerate() {
+        let need = &mut needs[index % n_columns];
+        *need = need.max((extent.size()[0] / height_of(extent.figure)).clamp(0.01, 100.0));
+    }
+    let mean = needs.iter().sum::<f64>() / n_columns as f64;
+    let mut edges = vec![0.0];
+    for need in needs {
+        edges.push(edges[edges.len() - 1] + need + 0.3 * mean);
+    }
+    let total = edges[n_columns];
+    let edge = |column: usize| (width as f64 * edges[column] / total).round() as usize;
+    (0..extents.len())
+        .map(|index| {
+            let (row, column) = (index / n_columns, index % n_columns);
+            let (left, top) = (edge(column), height * row / n_rows);
+            let bottom = (height * (row + 1) / n_rows).saturating_sub(caption_px);
+            let width = edge(column + 1).saturating_sub(left).max(1);
+            Cell { left, top, width, height: bottom.saturating_sub(top).max(1) }
+        })
         .collect()
 }
 
@@ -150,17 +182,17 @@ fn scales(extents: &[Extent], cells: &[Cell], scale: Scale) -> Vec<f64> {
     extents.iter().map(|it| shared.unwrap_or_else(|| least(Some(it.figure)))).collect()
 }
 
-fn place(extent: &Extent, cell: Cell, scale: f64, mode: Scale) -> Placement {
+/// Centres a figure in its cell, or stands it on a line so many pixels below the cell's centre.
+fn place(extent: &Extent, cell: Cell, scale: f64, ground: Option<f64>) -> Placement {
     let middle = [0, 1].map(|it| (extent.low[it] + extent.high[it]) / 2.0);
     let centre_x = cell.left as f64 + cell.width as f64 / 2.0;
-    let y = match mode {
-        Scale::Fit => cell.top as f64 + cell.height as f64 / 2.0 + middle[1] * scale,
-        Scale::Shared => {
-            let ground = cell.top as f64 + cell.height as f64 * (1.0 - (1.0 - FILL[1]) / 2.0);
-            ground + extent.low[1] * scale
-        }
+    let centre_y = cell.top as f64 + cell.height as f64 / 2.0;
+    let y = match ground {
+        None => centre_y + middle[1] * scale,
+        Some(below) => centre_y + below + extent.low[1] * scale,
     };
-    Placement { cell, scale, origin: [centre_x - middle[0] * scale, y] }
+    let bottom = y - extent.low[1] * scale;
+    Placement { cell, scale, origin: [centre_x - middle[0] * scale, y], bottom }
 }
 
 #[cfg(test)]
@@ -184,8 +216,8 @@ mod tests {
         let tall = Extent { figure: 0, low: [-0.3, 0.0], high: [0.3, 1.8] };
         let small = Extent { figure: 1, low: [-0.2, 0.0], high: [0.2, 0.9] };
         for (scale, ratio) in [(Scale::Fit, 2.0), (Scale::Shared, 1.0)] {
-            let placed = arrange(&[tall, small], [1200, 800], 40, scale);
-            assert_eq!(placed[1].cell.left, 600, "tall figures stand side by side");
+            let placed = arrange(&[tall, small], 1, [1200, 800], 40, scale);
+            assert_eq!(placed[0].cell.top, placed[1].cell.top, "tall figures stand side by side");
             assert!((placed[1].scale / placed[0].scale - ratio).abs() < 1e-9);
             for (extent, it) in [tall, small].iter().zip(&placed) {
                 let top = it.origin[1] - it.scale * extent.high[1];
@@ -193,7 +225,7 @@ mod tests {
                 assert!(top >= 0.0 && bottom <= 760.0);
             }
         }
-        let placed = arrange(&[tall, small], [1200, 800], 40, Scale::Shared);
+        let placed = arrange(&[tall, small], 1, [1200, 800], 40, Scale::Shared);
         assert_eq!(placed[0].origin[1], placed[1].origin[1]);
     }
 }

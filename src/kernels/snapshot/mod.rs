@@ -96,7 +96,8 @@ pub fn snapshot(figures: &[Figure<'_>], options: &SnapshotOptions) -> Result<Ima
     let caption_px = if has_captions { (letter_px * 2.6) as usize } else { 0 };
     let extents: Vec<Extent> =
         panels.iter().map(|&(figure, view)| extent(figure, &figures[figure], view)).collect();
-    let placements = arrange(&extents, [width, height], caption_px, options.scale);
+    let placements =
+        arrange(&extents, options.views.len(), [width, height], caption_px, options.scale);
     let mut canvas = Canvas::white(width, height);
     for (index, figure) in figures.iter().enumerate() {
         let soups = Soups::of(figure, index);
@@ -106,8 +107,12 @@ pub fn snapshot(figures: &[Figure<'_>], options: &SnapshotOptions) -> Result<Ima
             draw_panel(&mut canvas, figure, &soups, view, placement);
         }
         let shown = panels.iter().zip(&placements).filter(|(panel, _)| panel.0 == index);
-        let cells: Vec<Placement> = shown.map(|it| *it.1).collect();
-        write_captions(&mut canvas, &figure.caption, &cells, letter_px);
+        let last_row = shown.clone().map(|it| it.1.cell.top).max().expect("a figure has panels");
+        let shown: Vec<Placement> =
+            shown.map(|it| *it.1).filter(|it| it.cell.top == last_row).collect();
+        let in_row = placements.iter().filter(|it| it.cell.top == last_row);
+        let lowest = in_row.map(|it| it.bottom).fold(0.0, f64::max) as f32;
+        write_caption(&mut canvas, &figure.caption, &shown, lowest, letter_px);
     }
     Ok(canvas.into_image())
 }
@@ -181,10 +186,16 @@ impl Soups {
             normals: mesh.vertex_normals(),
             colors: (0..mesh.n_vertices()).map(color).collect(),
             triangles: mesh.faces().to_vec(),
+            lifted: None,
         };
         let mut bones_soup = Soup::default();
-        for (skeleton, role) in &figure.skeletons {
-            bones::add_skeleton(&mut bones_soup, skeleton, *role, size);
+        for (skeleton, _) in figure.skeletons.iter().filter(|it| it.1 == Role::Own) {
+            bones::add_skeleton(&mut bones_soup, skeleton, Role::Own, size);
+        }
+        // The truth is thinner: it must not vanish inside a result that is nearly right.
+        bones_soup.lifted = Some((bones_soup.points.len(), 0.03 * size));
+        for (skeleton, _) in figure.skeletons.iter().filter(|it| it.1 == Role::Truth) {
+            bones::add_skeleton(&mut bones_soup, skeleton, Role::Truth, size);
         }
         Self { body, bones: bones_soup, size }
     }
@@ -220,17 +231,22 @@ fn draw_panel(
     layers.compose(canvas, placement.cell, ground.as_ref());
 }
 
-/// Below each row of a figure's panels, centred.
-fn write_captions(canvas: &mut Canvas, caption: &str, placements: &[Placement], letter_px: f32) {
+/// Below a figure's panels, centred; on one line with the captions of its row.
+fn write_caption(
+    canvas: &mut Canvas,
+    caption: &str,
+    placements: &[Placement],
+    lowest: f32,
+    letter_px: f32,
+) {
     const INK: Color = [0.075, 0.085, 0.105];
-    for row in placements.chunk_by(|a, b| a.cell.top == b.cell.top) {
-        let (first, last) = (row[0].cell, row[row.len() - 1].cell);
-        let (left, right) = (first.left, last.left + last.width);
-        let room = (right - left) as f32 * 0.96;
-        let height = letter_px.min(letter_px * room / text::width(caption, letter_px).max(1.0));
-        let baseline = (first.top + first.height) as f32 + letter_px * 1.2;
-        text::write(canvas, caption, [(left + right) as f32 / 2.0, baseline.round()], height, INK);
-    }
+    let (first, last) = (placements[0].cell, placements[placements.len() - 1].cell);
+    let (left, right) = (first.left, last.left + last.width);
+    let room = (right - left) as f32 * 0.96;
+    let height = letter_px.min(letter_px * room / text::width(caption, letter_px).max(1.0));
+    let floor = (first.top + first.height) as f32 + letter_px * 1.2;
+    let baseline = (lowest + letter_px * 4.2).min(floor).round();
+    text::write(canvas, caption, [(left + right) as f32 / 2.0, baseline], height, INK);
 }
 
 /// A picture in the making, in linear light.
@@ -254,5 +270,97 @@ impl Canvas {
         let byte = |it: f32| (srgb_from_linear(it.clamp(0.0, 1.0)) * 255.0).round() as u8;
         let pixels = self.pixels.par_iter().map(|it| it.map(byte)).collect();
         Image { width: self.width, height: self.height, pixels }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernels::mesh::Vec3;
+    use crate::kernels::shapes::{icosphere, torus};
+
+    fn axis() -> Skeleton {
+        let positions = vec![-Vec3::y() * 0.8, Vec3::zeros(), Vec3::y() * 0.8];
+        let names = ["low", "middle", "high"].map(str::to_owned).to_vec();
+        Skeleton::new(names, vec![None, Some(0), Some(1)], positions).unwrap()
+    }
+
+    fn options(width: usize, height: usize) -> SnapshotOptions {
+        SnapshotOptions { width, height, ..Default::default() }
+    }
+
+    fn n_drawn(image: &Image) -> usize {
+        image.pixels.iter().filter(|it| it.iter().any(|&c| c < 200)).count()
+    }
+
+    #[test]
+    fn a_sphere_covers_the_area_of_its_disk() {
+        let sphere = icosphere(4);
+        let image = snapshot(&[Figure::new(&sphere)], &options(400, 300)).unwrap();
+        // The disk fills 86 % of the height.
+        let radius = 0.43 * 300.0;
+        let disk = std::f64::consts::PI * radius * radius;
+        let found = n_drawn(&image) as f64;
+        assert!((found / disk - 1.0).abs() < 0.02, "{found} pixels instead of {disk}");
+        assert_eq!(image.pixels[0], [255; 3]);
+    }
+
+    #[test]
+    fn the_picture_is_the_same_at_any_number_of_threads() {
+        let (sphere, ring, skeleton) = (icosphere(3), torus(1.0, 0.4, 24, 12), axis());
+        let values: Vec<f64> = sphere.vertices().iter().map(|it| it.x).collect();
+        let mut first = Figure::new(&sphere);
+        first.isolines = Some(Isolines { values: &values, count: 5 });
+        first.caption = "sphere".to_owned();
+        let mut second = Figure::new(&ring);
+        second.skeletons = vec![(&skeleton, Role::Own), (&skeleton, Role::Truth)];
+        let options = SnapshotOptions { views: vec![View::Front, View::Top], ..options(320, 240) };
+        let draw = |n_threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+            pool.install(|| snapshot(&[first.clone(), second.clone()], &options).unwrap())
+        };
+        assert_eq!(draw(1), draw(3));
+    }
+
+    #[test]
+    fn a_skeleton_shines_through_its_body() {
+        let (sphere, skeleton) = (icosphere(3), axis());
+        let bare = snapshot(&[Figure::new(&sphere)], &options(200, 200)).unwrap();
+        let mut figure = Figure::new(&sphere);
+        figure.skeletons.push((&skeleton, Role::Own));
+        let image = snapshot(&[figure], &options(200, 200)).unwrap();
+        let light =
+            |image: &Image| image.pixels[120 * 200 + 100].map(i32::from).iter().sum::<i32>();
+        assert!(light(&image) < light(&bare) - 60, "a dark bone lies behind the middle");
+    }
+
+    #[test]
+    fn the_nearer_of_two_surfaces_is_seen_from_either_side() {
+        let square = |z: f64| {
+            [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| Vec3::new(x, y, z))
+        };
+        let vertices = [square(-0.2), square(0.2)].concat();
+        let faces = vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+        let mesh = TriMesh::new(vertices, faces).unwrap();
+        let red = [[1.0, 0.0, 0.0]; 4];
+        let blue = [[0.0, 0.0, 1.0]; 4];
+        for (view, expects_blue) in [(View::Front, true), (View::Back, false)] {
+            let mut figure = Figure::new(&mesh);
+            figure.colors = Some([red, blue].concat());
+            let options = SnapshotOptions { views: vec![view], ..options(100, 100) };
+            let image = snapshot(&[figure], &options).unwrap();
+            let [r, _, b] = image.pixels[50 * 100 + 50];
+            assert_eq!(b > r, expects_blue, "{view:?}");
+        }
+    }
+
+    #[test]
+    fn wrong_counts_are_named() {
+        let sphere = icosphere(0);
+        let mut figure = Figure::new(&sphere);
+        figure.colors = Some(vec![[0.0; 3]; 5]);
+        let error = snapshot(&[figure], &SnapshotOptions::default()).unwrap_err();
+        assert_eq!(error.to_string(), "figure 0 has 5 colours for a mesh of 12 vertices");
+        assert_eq!(snapshot(&[], &SnapshotOptions::default()), Err(SnapshotError::Nothing));
     }
 }

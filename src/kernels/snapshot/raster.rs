@@ -19,6 +19,8 @@ pub struct Soup {
     pub normals: Vec<Vec3>,
     pub colors: Vec<Color>,
     pub triangles: Vec<[u32; 3]>,
+    /// From this point on, points are drawn as if they were so much nearer to the camera.
+    pub lifted: Option<(usize, f64)>,
 }
 
 impl Soup {
@@ -68,8 +70,10 @@ impl<'a> SeenSoup<'a> {
         let seen: Vec<Seen> = soup
             .points
             .iter()
-            .map(|point| {
-                let p = camera.project(point) * placement.scale;
+            .enumerate()
+            .map(|(index, point)| {
+                let lift = soup.lifted.filter(|it| index >= it.0).map_or(0.0, |it| it.1);
+                let p = camera.project(&(point + camera.toward * lift)) * placement.scale;
                 let at = [origin[0] + p.x, origin[1] - p.y, p.z];
                 at.map(|it| (it * samples) as f32)
             })

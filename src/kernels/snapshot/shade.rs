@@ -155,7 +155,7 @@ impl Layers {
                 let to = (cell.top + y) * canvas.width + cell.left + x;
                 let mut color = canvas.pixels[to];
                 if pixel.cover < 1.0 {
-                    let shadow = ground.map_or(0.0, |it| it.shadow(x, y));
+                    let shadow = ground.map_or(0.0, |it| it.shadow(x, y)) * self.inward(x, y);
                     color = mix(color, SHADOW, shadow);
                 }
                 let light = self.open[index];
@@ -168,11 +168,21 @@ impl Layers {
     }
 }
 
+impl Layers {
+    /// Zero at the panel's rim, one well inside: a shadow must not end in a straight line.
+    fn inward(&self, x: usize, y: usize) -> f32 {
+        let rim = [x, self.width - 1 - x, y, self.height - 1 - y].into_iter().min();
+        let share = rim.expect("four sides") as f32 / (0.07 * self.width.min(self.height) as f32);
+        let t = share.min(1.0);
+        t * t * (3.0 - 2.0 * t)
+    }
+}
+
 /// Darkens what lies behind its surroundings (unsharp masking of the depth buffer, Luft et al. 2006),
 /// at two radii: one for folds, one for whole limbs.
 fn openness(pixels: &[Pixel], width: usize, height: usize, size_px: f32) -> Vec<f32> {
     let mut open = vec![1.0f32; pixels.len()];
-    for (radius_share, strength) in [(0.008, 0.42), (0.03, 0.55)] {
+    for (radius_share, strength) in [(0.008, 0.40), (0.03, 0.42)] {
         let radius = ((size_px * radius_share) as usize).max(1);
         let mut weights: Vec<f32> = pixels.iter().map(|it| it.cover).collect();
         let mut depths: Vec<f32> = pixels.iter().map(|it| it.cover * it.depth).collect();
@@ -182,8 +192,10 @@ fn openness(pixels: &[Pixel], width: usize, height: usize, size_px: f32) -> Vec<
         }
         for (index, pixel) in pixels.iter().enumerate().filter(|it| it.1.cover > 0.0) {
             let around = depths[index] / weights[index].max(1e-6);
-            let behind = (around - pixel.depth) / (2.0 * radius as f32) - 0.03;
-            open[index] *= (-strength * behind.clamp(0.0, 1.6)).exp();
+            let behind = (around - pixel.depth) / (2.0 * radius as f32) - 0.06;
+            // At an outline only the nearer side has depths: that is no hollow.
+            let is_inside = ((weights[index] - 0.5) / 0.4).clamp(0.0, 1.0);
+            open[index] *= (-strength * is_inside * behind.clamp(0.0, 1.0)).exp();
         }
     }
     open
@@ -254,8 +266,8 @@ impl Ground {
         let (low, high) = mesh.bounds();
         let extent = high - low;
         let reach = extent.x.max(extent.z).max(0.15 * extent.y).max(1e-300);
-        let cell = 1.5 * reach / N as f64;
-        let corner = [(low.x + high.x) / 2.0, (low.z + high.z) / 2.0].map(|it| it - 0.75 * reach);
+        let cell = 2.0 * reach / N as f64;
+        let corner = [(low.x + high.x) / 2.0, (low.z + high.z) / 2.0].map(|it| it - reach);
         let mut map = vec![0.0f32; N * N];
         for face in 0..mesh.n_faces() {
             let centre = mesh.corners(face).iter().sum::<crate::kernels::mesh::Vec3>() / 3.0;
@@ -271,8 +283,10 @@ impl Ground {
         for _ in 0..3 {
             box_blur(&mut map, N, N, 3);
         }
-        for value in &mut map {
-            *value = 0.34 * (1.0 - (-1.1 * *value).exp());
+        for (index, value) in map.iter_mut().enumerate() {
+            let [i, j] = [index % N, index / N].map(|it| 2.0 * (it as f32 + 0.5) / N as f32 - 1.0);
+            let fade = (1.0 - i * i).max(0.0) * (1.0 - j * j).max(0.0);
+            *value = 0.34 * (1.0 - (-1.3 * *value).exp()) * fade;
         }
         let origin = [
             placement.origin[0] - placement.cell.left as f64,
