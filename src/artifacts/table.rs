@@ -11,6 +11,7 @@ struct ColumnHead {
     unit: String,
     /// `None` for numbers: they are the next column of the array `numbers`.
     texts: Option<Vec<String>>,
+    marked: Vec<usize>,
 }
 
 impl Artifact for Table {
@@ -31,7 +32,12 @@ impl Artifact for Table {
                 }
                 Values::Texts(texts) => Some(texts.clone()),
             };
-            heads.push(ColumnHead { name: column.name.clone(), unit: column.unit.clone(), texts });
+            heads.push(ColumnHead {
+                name: column.name.clone(),
+                unit: column.unit.clone(),
+                texts,
+                marked: column.marked.clone(),
+            });
         }
         let n_columns = heads.iter().filter(|it| it.texts.is_none()).count();
         to.owned("numbers", &[n_columns, numbers.len() / n_columns.max(1)], numbers);
@@ -47,7 +53,7 @@ impl Artifact for Table {
         }
         let mut next = 0;
         let mut columns = Vec::new();
-        for ColumnHead { name, unit, texts } in heads {
+        for ColumnHead { name, unit, texts, marked } in heads {
             let values = match texts {
                 Some(texts) => Values::Texts(texts),
                 None => {
@@ -55,10 +61,14 @@ impl Artifact for Table {
                     Values::Numbers(numbers[(next - 1) * n_rows..next * n_rows].to_vec())
                 }
             };
-            columns.push(Column { name, unit, values });
+            columns.push(Column { name, unit, values, marked });
         }
         if columns.windows(2).any(|it| it[0].len() != it[1].len()) {
             return Err(DecodeError::new("the columns differ in length"));
+        }
+        let is_beyond = |it: &Column| it.marked.iter().any(|&row| row >= it.len());
+        if let Some(column) = columns.iter().find(|it| is_beyond(it)) {
+            return Err(DecodeError(format!("`{}` marks a row it does not have", column.name)));
         }
         Ok(Self::new(columns))
     }

@@ -21,6 +21,20 @@ pub enum Arity {
     Optional,
     /// A list, in the order of the pipeline file.
     Many,
+    /// A list that may be left out: then it is empty.
+    OptionalMany,
+}
+
+impl Arity {
+    /// Whether a pipeline may wire several artifacts to the port.
+    pub fn takes_list(self) -> bool {
+        matches!(self, Self::Many | Self::OptionalMany)
+    }
+
+    /// Whether a pipeline may leave the port out.
+    pub fn may_be_left_out(self) -> bool {
+        matches!(self, Self::Optional | Self::OptionalMany)
+    }
 }
 
 /// What a pipeline sees of a port.
@@ -75,6 +89,11 @@ port_key!(
     /// A typed key for any number of artifacts, in the order in which they are listed.
     Inputs,
     Many
+);
+port_key!(
+    /// A typed key for any number of artifacts, or none if it is not wired.
+    OptionalInputs,
+    OptionalMany
 );
 port_key!(
     /// A typed key for something a node writes.
@@ -243,6 +262,11 @@ impl<'a> NodeIo<'a> {
 
     /// The artifacts at a list input.
     pub fn get_all<T: Artifact>(&self, port: Inputs<T>) -> Vec<Arc<T>> {
+        self.all(port.name).collect()
+    }
+
+    /// The artifacts at a list input that may be left out.
+    pub fn get_all_optional<T: Artifact>(&self, port: OptionalInputs<T>) -> Vec<Arc<T>> {
         self.all(port.name).collect()
     }
 

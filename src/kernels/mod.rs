@@ -6,15 +6,28 @@
 //! does not depend on the number of threads: same input, same bytes.
 
 pub mod basis;
+pub mod clean;
 pub mod clip;
+pub mod decimate;
 pub mod files;
+pub mod fill;
+pub mod fit_clip;
 pub mod functional_map;
 pub mod image;
+pub mod io;
 pub mod landmarks;
+pub mod limit_influences;
 pub mod mesh;
+pub mod normalize;
 pub mod operator;
 pub mod regressor;
+pub mod resampled;
+pub mod shapes;
 pub mod skeleton;
+pub mod snapshot;
 pub mod sparse;
+pub mod stack_tables;
+pub mod subdivide;
 pub mod table;
+pub mod topology;
 pub mod weights;

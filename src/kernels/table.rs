@@ -12,6 +12,8 @@ pub struct Column {
     /// Shown after the name, `mm` or `%`; empty for none.
     pub unit: String,
     pub values: Values,
+    /// Rows to point out (the best ones), ascending.
+    pub marked: Vec<usize>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -23,11 +25,21 @@ pub enum Values {
 
 impl Column {
     pub fn numbers(name: &str, unit: &str, values: Vec<f64>) -> Self {
-        Self { name: name.to_owned(), unit: unit.to_owned(), values: Values::Numbers(values) }
+        Self {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            values: Values::Numbers(values),
+            marked: Vec::new(),
+        }
     }
 
     pub fn texts(name: &str, values: Vec<String>) -> Self {
-        Self { name: name.to_owned(), unit: String::new(), values: Values::Texts(values) }
+        Self {
+            name: name.to_owned(),
+            unit: String::new(),
+            values: Values::Texts(values),
+            marked: Vec::new(),
+        }
     }
 
     pub fn len(&self) -> usize {

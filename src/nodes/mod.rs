@@ -2,5 +2,21 @@
 
 use crate::engine::node::NodeKind;
 
+mod clean;
+mod decimate;
+mod normalize;
+mod rig;
+mod snapshot;
+mod subdivide;
+mod table;
+
 /// Every kind. Keep sorted by name.
-pub static ALL: &[NodeKind] = &[];
+pub static ALL: &[NodeKind] = &[
+    NodeKind::of::<clean::Clean>(),
+    NodeKind::of::<decimate::Decimate>(),
+    NodeKind::of::<normalize::Normalize>(),
+    NodeKind::of::<rig::RigNode>(),
+    NodeKind::of::<snapshot::Snapshot>(),
+    NodeKind::of::<subdivide::Subdivide>(),
+    NodeKind::of::<table::TableNode>(),
+];

@@ -1,0 +1,505 @@
+//! Repair of meshes as they are found: unwelded, repeated, degenerate, inside out, in pieces.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::fill::fill_holes;
+use super::mesh::{TriMesh, Vec3};
+use super::resampled::Resampled;
+use super::topology::{DisjointSets, Edges, Fans, Topology, is_collapsed};
+
+/// What to do; the defaults make most found meshes fit for a Laplacian.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CleanOptions {
+    /// Vertices closer than this fraction of the bounding box's diagonal become one. Zero joins only
+    /// equal positions; `None` joins nothing.
+    pub weld: Option<f64>,
+    pub nonmanifold: Nonmanifold,
+    pub keep: Keep,
+    /// Turn faces so that neighbours agree and volumes are positive.
+    pub orient: bool,
+    /// Holes of at most this many edges are filled.
+    pub fill_holes: usize,
+}
+
+impl Default for CleanOptions {
+    fn default() -> Self {
+        Self {
+            weld: Some(1e-7),
+            nonmanifold: Nonmanifold::Repair,
+            keep: Keep::Largest,
+            orient: true,
+            fill_holes: 0,
+        }
+    }
+}
+
+/// What to do about edges of three and more faces, and about vertices where surfaces only touch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Nonmanifold {
+    /// Count them only.
+    Keep,
+    /// Cut the surface open along them: every sheet gets its own vertices.
+    Split,
+    /// Remove fins (faces that hang on such an edge and are free at another), then cut open the rest.
+    #[default]
+    Repair,
+}
+
+/// Which connected parts stay.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Keep {
+    /// The part with the largest area.
+    #[default]
+    Largest,
+    All,
+}
+
+/// What was found and done.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CleanReport {
+    pub before: Topology,
+    pub after: Topology,
+    /// Vertices that were joined to another one.
+    pub n_welded_vertices: usize,
+    /// Faces that named a vertex twice, before or after welding.
+    pub n_collapsed_faces: usize,
+    /// Faces with the same three vertices as an earlier one.
+    pub n_duplicate_faces: usize,
+    /// Faces of three vertices on a line; their longest edge was flipped, or they were removed.
+    pub n_flat_faces: usize,
+    pub n_fin_faces: usize,
+    /// Vertices that were added to cut the surface open.
+    pub n_split_vertices: usize,
+    pub n_removed_components: usize,
+    pub n_turned_faces: usize,
+    /// Edges whose faces cannot be made to agree (a Moebius band has some).
+    pub n_unorientable_edges: usize,
+    pub n_filled_holes: usize,
+    pub n_unreferenced_vertices: usize,
+}
+
+/// Why a mesh cannot be cleaned.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum CleanError {
+    #[error("no face of {n_faces} has an area")]
+    NothingLeft { n_faces: usize },
+}
+
+/// Welds, drops bad faces, resolves non-manifold places, keeps components, orients, fills holes.
+///
+/// In this order, so that each step meets what the ones before it make: equal faces are found after
+/// welding, components are counted after touching surfaces have been cut apart. No vertex moves:
+/// every new vertex is one of the old ones (of a welded group, the first).
+///
+/// # Errors
+/// [`CleanError::NothingLeft`].
+pub fn clean(
+    mesh: &TriMesh,
+    options: &CleanOptions,
+) -> Result<(Resampled, CleanReport), CleanError> {
+    let nothing_left = CleanError::NothingLeft { n_faces: mesh.n_faces() };
+    let before = Topology::of(mesh);
+    let n_unreferenced = before.n_unreferenced;
+    let mut state = State::new(mesh, before);
+    if let Some(tolerance) = options.weld {
+        state.weld(tolerance);
+    }
+    state.drop_collapsed();
+    state.drop_duplicates();
+    state.flip_flat();
+    if state.faces.is_empty() {
+        return Err(nothing_left);
+    }
+    if options.nonmanifold == Nonmanifold::Repair {
+        state.drop_fins();
+    }
+    if options.nonmanifold != Nonmanifold::Keep {
+        state.split();
+    }
+    if options.keep == Keep::Largest {
+        state.keep_largest();
+    }
+    if options.orient {
+        state.orient();
+    }
+    if options.fill_holes > 0 {
+        state.report.n_filled_holes =
+            fill_holes(&state.vertices, &mut state.faces, options.fill_holes);
+    }
+    state.report.n_unreferenced_vertices = n_unreferenced;
+    if state.faces.is_empty() {
+        return Err(nothing_left);
+    }
+    Ok(state.finish())
+}
+
+/// Faces under repair. Vertices are only added, and dropped at the end if no face names them.
+struct State {
+    vertices: Vec<Vec3>,
+    faces: Vec<[u32; 3]>,
+    /// For every vertex in `vertices`, the old vertex that it is a copy of.
+    old_of_vertex: Vec<u32>,
+    /// For every old vertex, the one that it was joined to.
+    welded: Vec<u32>,
+    report: CleanReport,
+}
+
+impl State {
+    fn new(mesh: &TriMesh, before: Topology) -> Self {
+        let n_vertices = mesh.n_vertices() as u32;
+        Self {
+            vertices: mesh.vertices().to_vec(),
+            faces: mesh.faces().to_vec(),
+            old_of_vertex: (0..n_vertices).collect(),
+            welded: (0..n_vertices).collect(),
+            report: CleanReport {
+                after: before.clone(),
+                before,
+                n_welded_vertices: 0,
+                n_collapsed_faces: 0,
+                n_duplicate_faces: 0,
+                n_flat_faces: 0,
+                n_fin_faces: 0,
+                n_split_vertices: 0,
+                n_removed_components: 0,
+                n_turned_faces: 0,
+                n_unorientable_edges: 0,
+                n_filled_holes: 0,
+                n_unreferenced_vertices: 0,
+            },
+        }
+    }
+
+    fn weld(&mut self, tolerance: f64) {
+        let mut is_referenced = vec![false; self.vertices.len()];
+        self.faces.iter().flatten().for_each(|&it| is_referenced[it as usize] = true);
+        self.welded = weld_targets(&self.vertices, &is_referenced, tolerance);
+        for face in &mut self.faces {
+            *face = face.map(|vertex| self.welded[vertex as usize]);
+        }
+        let joined = self.welded.iter().enumerate().filter(|(from, to)| *from != **to as usize);
+        self.report.n_welded_vertices = joined.count();
+    }
+
+    fn drop_collapsed(&mut self) {
+        let n_faces = self.faces.len();
+        self.faces.retain(|it| !is_collapsed(it));
+        self.report.n_collapsed_faces = n_faces - self.faces.len();
+    }
+
+    fn drop_duplicates(&mut self) {
+        let n_faces = self.faces.len();
+        let mut seen = BTreeSet::new();
+        self.faces.retain(|&face| {
+            let mut sorted = face;
+            sorted.sort_unstable();
+            seen.insert(sorted)
+        });
+        self.report.n_duplicate_faces = n_faces - self.faces.len();
+    }
+
+    /// Gives the thin space of a flat face to the neighbour across its longest edge.
+    ///
+    /// Removing the face instead would leave a slit: its short edges would lie on the long one
+    /// without being glued to it. Where the flip is impossible, the face does go.
+    fn flip_flat(&mut self) {
+        // A flip may leave a neighbour flat (several vertices on one line): a few rounds settle that.
+        for _ in 0..8 {
+            let flat: Vec<usize> =
+                (0..self.faces.len()).filter(|&it| self.is_flat(self.faces[it])).collect();
+            if flat.is_empty() {
+                return;
+            }
+            let edges = Edges::of(&self.faces);
+            let edge_of_side = edges.edge_of_side();
+            let mut known: BTreeSet<(u32, u32)> =
+                edges.iter().map(|it| (it[0].low, it[0].high)).collect();
+            let mut is_touched = vec![false; self.faces.len()];
+            let mut is_removed = vec![false; self.faces.len()];
+            for face in flat {
+                if is_touched[face] {
+                    continue;
+                }
+                self.report.n_flat_faces += 1;
+                let side = self.longest_side(face);
+                let sides = edges.sides(edge_of_side[3 * face + side] as usize);
+                let other = sides.iter().map(|it| it.face as usize).find(|&it| it != face);
+                match other.filter(|&it| sides.len() == 2 && !is_touched[it]) {
+                    Some(other) if self.flip(face, side, other, &mut known) => {
+                        is_touched[face] = true;
+                        is_touched[other] = true;
+                    }
+                    Some(_) => is_removed[face] = true,
+                    // On a rim the face is no loss; beside a face just changed it waits a round.
+                    None if sides.len() == 2 => self.report.n_flat_faces -= 1,
+                    None => is_removed[face] = true,
+                }
+            }
+            let mut removed = is_removed.iter();
+            self.faces.retain(|_| !removed.next().expect("as many as faces"));
+        }
+    }
+
+    /// Whether the height is below a billionth of the longest edge: no angle can be told.
+    fn is_flat(&self, face: [u32; 3]) -> bool {
+        let [a, b, c] = face.map(|it| self.vertices[it as usize]);
+        let longest =
+            (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
+        (b - a).cross(&(c - a)).norm() <= 1e-9 * longest
+    }
+
+    fn longest_side(&self, face: usize) -> usize {
+        let corners = self.faces[face].map(|it| self.vertices[it as usize]);
+        let length = |side: usize| (corners[(side + 1) % 3] - corners[side]).norm_squared();
+        (0..3).max_by(|&a, &b| length(a).total_cmp(&length(b))).expect("three sides")
+    }
+
+    /// Replaces `[u, v, tip]` and the face beyond `uv` by the two faces beside the edge tip-to-tip.
+    fn flip(
+        &mut self,
+        face: usize,
+        side: usize,
+        other: usize,
+        known: &mut BTreeSet<(u32, u32)>,
+    ) -> bool {
+        let [u, v, tip] = [0, 1, 2].map(|it| self.faces[face][(side + it) % 3]);
+        let beyond = *self.faces[other]
+            .iter()
+            .find(|&&it| it != u && it != v)
+            .expect("a face that is not collapsed has a third vertex");
+        let edge = (tip.min(beyond), tip.max(beyond));
+        if tip == beyond || known.contains(&edge) {
+            return false;
+        }
+        // The other face may be turned the other way; both new ones follow it, as it has an area.
+        let walks_alike =
+            (0..3).any(|it| self.faces[other][it] == u && self.faces[other][(it + 1) % 3] == v);
+        let new = [[u, beyond, tip], [beyond, v, tip]];
+        let new = if walks_alike { new.map(|[a, b, c]| [a, c, b]) } else { new };
+        known.insert(edge);
+        known.remove(&(u.min(v), u.max(v)));
+        self.faces[face] = new[0];
+        self.faces[other] = new[1];
+        true
+    }
+
+    fn drop_fins(&mut self) {
+        loop {
+            let edges = Edges::of(&self.faces);
+            let mut touches = vec![(false, false); self.faces.len()];
+            for sides in edges.iter() {
+                for it in sides {
+                    touches[it.face as usize].0 |= sides.len() > 2;
+                    touches[it.face as usize].1 |= sides.len() == 1;
+                }
+            }
+            let n_faces = self.faces.len();
+            let mut fins = touches.iter().map(|&(hangs, is_free)| hangs && is_free);
+            let is_fin: Vec<bool> = fins.by_ref().collect();
+            // An open sheet that is all fins (three leaves on one edge) is a surface, not debris.
+            if !is_fin.contains(&true) || is_fin.iter().filter(|it| **it).count() * 2 > n_faces {
+                return;
+            }
+            let mut drop = is_fin.into_iter();
+            self.faces.retain(|_| !drop.next().expect("as many as faces"));
+            self.report.n_fin_faces += n_faces - self.faces.len();
+        }
+    }
+
+    /// Gives every fan of faces at a vertex a vertex of its own (Gueziec et al. 2001, "cutting").
+    fn split(&mut self) {
+        let edges = Edges::of(&self.faces);
+        let fans = Fans::of(&self.faces, &edges, |n_faces| n_faces == 2);
+        let mut vertex_of_fan = BTreeMap::new();
+        for at_vertex in fans.by_vertex().chunk_by(|a, b| a.0 == b.0) {
+            for &(vertex, fan) in &at_vertex[1..] {
+                vertex_of_fan.insert(fan, self.vertices.len() as u32);
+                self.vertices.push(self.vertices[vertex as usize]);
+                self.old_of_vertex.push(self.old_of_vertex[vertex as usize]);
+            }
+        }
+        for (corner, vertex) in self.faces.iter_mut().flatten().enumerate() {
+            if let Some(&copy) = vertex_of_fan.get(&fans.fan_of_corner[corner]) {
+                *vertex = copy;
+            }
+        }
+        self.report.n_split_vertices = vertex_of_fan.len();
+    }
+
+    fn keep_largest(&mut self) {
+        let mut sets = DisjointSets::new(self.vertices.len());
+        for &[a, b, c] in &self.faces {
+            sets.join(a as usize, b as usize);
+            sets.join(a as usize, c as usize);
+        }
+        let component = |sets: &mut DisjointSets, face: &[u32; 3]| sets.find(face[0] as usize);
+        let mut areas: BTreeMap<usize, f64> = BTreeMap::new();
+        for face in &self.faces {
+            let [a, b, c] = face.map(|it| self.vertices[it as usize]);
+            let area = (b - a).cross(&(c - a)).norm() / 2.0;
+            *areas.entry(component(&mut sets, face)).or_default() += area;
+        }
+        let Some((&largest, _)) = areas.iter().rev().max_by(|a, b| a.1.total_cmp(b.1)) else {
+            return;
+        };
+        self.faces.retain(|face| component(&mut sets, face) == largest);
+        self.report.n_removed_components = areas.len() - 1;
+    }
+
+    /// Turns faces so that neighbours agree, then whole patches so that they face outward.
+    ///
+    /// A patch is what hangs together by edges of two faces. The sign of its volume, seen from its own
+    /// centroid, says whether it faces outward; a patch that is nearly flat keeps the majority's side.
+    fn orient(&mut self) {
+        let edges = Edges::of(&self.faces);
+        let edge_of_side = edges.edge_of_side();
+        let mut turns: Vec<Option<bool>> = vec![None; self.faces.len()];
+        for seed in 0..self.faces.len() {
+            if turns[seed].is_some() {
+                continue;
+            }
+            let patch = self.agree(seed, &edges, &edge_of_side, &mut turns);
+            if self.faces_inward(&patch, &turns) {
+                for &face in &patch {
+                    turns[face] = turns[face].map(|it| !it);
+                }
+            }
+        }
+        let turn = |face: u32| turns[face as usize] == Some(true);
+        for sides in edges.iter().filter(|it| it.len() == 2) {
+            let [a, b] = [sides[0], sides[1]].map(|it| it.forward != turn(it.face));
+            self.report.n_unorientable_edges += usize::from(a == b);
+        }
+        for (face, turn) in self.faces.iter_mut().zip(&turns) {
+            if *turn == Some(true) {
+                face.swap(1, 2);
+                self.report.n_turned_faces += 1;
+            }
+        }
+    }
+
+    /// Walks from face to face, and notes which must turn to agree with the seed.
+    fn agree(
+        &self,
+        seed: usize,
+        edges: &Edges,
+        edge_of_side: &[u32],
+        turns: &mut [Option<bool>],
+    ) -> Vec<usize> {
+        turns[seed] = Some(false);
+        let mut patch = vec![seed];
+        let mut queue = VecDeque::from([seed]);
+        while let Some(face) = queue.pop_front() {
+            for side in 0..3 {
+                let sides = edges.sides(edge_of_side[3 * face + side] as usize);
+                let [a, b] = sides else { continue };
+                let (this, next) = if a.face as usize == face { (a, b) } else { (b, a) };
+                let next_face = next.face as usize;
+                if turns[next_face].is_none() {
+                    let alike = this.forward == next.forward;
+                    turns[next_face] = Some(turns[face] == Some(!alike));
+                    patch.push(next_face);
+                    queue.push_back(next_face);
+                }
+            }
+        }
+        patch
+    }
+
+    fn faces_inward(&self, patch: &[usize], turns: &[Option<bool>]) -> bool {
+        let corners = |face: usize| self.faces[face].map(|it| self.vertices[it as usize]);
+        let sum: Vec3 = patch.iter().map(|&it| corners(it).iter().sum::<Vec3>()).sum();
+        let centre = sum / (3 * patch.len()) as f64;
+        let (mut volume, mut area) = (0.0, 0.0);
+        for &face in patch {
+            let [a, b, c] = corners(face).map(|it| it - centre);
+            let sign = if turns[face] == Some(true) { -1.0 } else { 1.0 };
+            volume += sign * a.dot(&b.cross(&c)) / 6.0;
+            area += (b - a).cross(&(c - a)).norm() / 2.0;
+        }
+        // A ball of this area has a volume of about 0.094 area^1.5.
+        if volume.abs() > 1e-4 * area.powf(1.5) {
+            return volume < 0.0;
+        }
+        2 * patch.iter().filter(|&&it| turns[it] == Some(true)).count() > patch.len()
+    }
+
+    /// Drops vertices that no face names and numbers the rest in their old order.
+    fn finish(mut self) -> (Resampled, CleanReport) {
+        let mut new_of_vertex = vec![None; self.vertices.len()];
+        self.faces.iter().flatten().for_each(|&it| new_of_vertex[it as usize] = Some(0));
+        let mut vertices = Vec::new();
+        let mut old_of_new = Vec::new();
+        for (vertex, new) in new_of_vertex.iter_mut().enumerate() {
+            if let Some(new) = new {
+                *new = vertices.len() as u32;
+                vertices.push(self.vertices[vertex]);
+                old_of_new.push(self.old_of_vertex[vertex]);
+            }
+        }
+        let renumbered = self.faces.iter().map(|face| {
+            face.map(|it| new_of_vertex[it as usize].expect("faces name kept vertices"))
+        });
+        let mesh =
+            TriMesh::new(vertices, renumbered.collect()).expect("a part of a mesh is a mesh");
+        let new_of_old = self.new_of_old(&new_of_vertex);
+        self.report.after = Topology::of(&mesh);
+        (Resampled::from_selection(mesh, &old_of_new, new_of_old), self.report)
+    }
+
+    /// An old vertex is where it was welded to; if that went with its faces, where a copy of it is.
+    fn new_of_old(&self, new_of_vertex: &[Option<u32>]) -> Vec<Option<u32>> {
+        let mut new_of_welded = new_of_vertex[..self.welded.len()].to_vec();
+        for copy in self.welded.len()..self.vertices.len() {
+            let original = self.old_of_vertex[copy] as usize;
+            new_of_welded[original] = new_of_welded[original].or(new_of_vertex[copy]);
+        }
+        self.welded.iter().map(|&it| new_of_welded[it as usize]).collect()
+    }
+}
+
+/// For every vertex, the first vertex within the tolerance that is itself joined to no other.
+///
+/// Only referenced vertices count for the bounding box: strays are often far away.
+fn weld_targets(vertices: &[Vec3], is_referenced: &[bool], tolerance: f64) -> Vec<u32> {
+    let referenced = || vertices.iter().zip(is_referenced).filter(|it| *it.1).map(|it| it.0);
+    let Some(first) = referenced().next() else {
+        return (0..vertices.len() as u32).collect();
+    };
+    let (low, high) = referenced().fold((*first, *first), |(l, h), it| (l.inf(it), h.sup(it)));
+    let radius = tolerance * (high - low).norm();
+    // With no tolerance, any cell size does: equal points share a cell.
+    let cell_size =
+        if radius > 0.0 { radius } else { f64::MIN_POSITIVE.max((high - low).max() * 1e-6) };
+    let cell_of = |point: &Vec3| ((point - low) / cell_size).map(f64::floor);
+    let reach = if radius > 0.0 { 1 } else { 0 };
+    let mut cells: BTreeMap<[i64; 3], Vec<u32>> = BTreeMap::new();
+    let mut targets: Vec<u32> = (0..vertices.len() as u32).collect();
+    for (vertex, point) in vertices.iter().enumerate().filter(|it| is_referenced[it.0]) {
+        let cell = cell_of(point);
+        let key = [cell.x as i64, cell.y as i64, cell.z as i64];
+        let near = neighbour_cells(key, reach)
+            .filter_map(|it| cells.get(&it))
+            .flatten()
+            .filter(|&&it| (vertices[it as usize] - point).norm() <= radius)
+            .min();
+        match near {
+            Some(&target) => targets[vertex] = target,
+            None => cells.entry(key).or_default().push(vertex as u32),
+        }
+    }
+    targets
+}
+
+fn neighbour_cells([x, y, z]: [i64; 3], reach: i64) -> impl Iterator<Item = [i64; 3]> {
+    let around = -reach..=reach;
+    around.clone().flat_map(move |dx| {
+        let around = around.clone();
+        around.clone().flat_map(move |dy| around.clone().map(move |dz| [x + dx, y + dy, z + dz]))
+    })
+}

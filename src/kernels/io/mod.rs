@@ -1,0 +1,3 @@
+//! Files of other programs, to and from bytes.
+
+pub mod png;
