@@ -65,12 +65,14 @@ fn bench(n: usize) {
     let folder = tempfile::tempdir_in(std::env::var_os("BENCH_DIR").unwrap_or("target".into()))
         .expect("a writable folder");
     let file = folder.path().join("pipeline.toml");
-    let write = |root: i64| fs::write(&file, pipeline(width, root)).expect("a writable folder");
+    let write = |first: i64, duration_ms: u64| {
+        fs::write(&file, pipeline(width, first, duration_ms)).expect("a writable folder");
+    };
     println!("{n} nodes    ran   cpu best  median   wall median");
     let mut numbers: Vec<(&str, usize, Vec<Sample>)> = Vec::new();
     for round in 0..7 {
         let _ = fs::remove_dir_all(folder.path().join("cache"));
-        write(1000);
+        write(1, 0);
         let mut scenario = |name: &'static str, at: usize| {
             let sample = start(folder.path());
             if round == 0 {
@@ -81,11 +83,11 @@ fn bench(n: usize) {
         };
         scenario("cold", 0);
         scenario("noop", 1);
-        write(2000);
+        write(2, 0);
         scenario("change", 2);
-        write(2001);
+        write(2, 1);
         scenario("cutoff", 3);
-        write(1000);
+        write(1, 0);
         scenario("revert", 4);
     }
     for (name, ran, samples) in &mut numbers {
@@ -127,13 +129,17 @@ fn children_cpu() -> Duration {
     time(usage.ru_utime) + time(usage.ru_stime)
 }
 
-/// Numbers, and above them sums of three each. A root's number is its parameter halved, so that an
-/// odd change of one leaves it as it was.
-fn pipeline(width: usize, first: i64) -> String {
+/// Numbers, and above them sums of three each. The first number can be changed, and how long it
+/// takes to make it, which leaves it as it was.
+fn pipeline(width: usize, first: i64, duration_ms: u64) -> String {
     let mut text = String::new();
     for column in 0..width {
         let value = if column == 0 { first } else { 10_000 * (column as i64 + 1) };
-        let _ = write!(text, "[nodes.n0_{column}]\nkind = \"divide\"\nvalue = {value}\nby = 2\n\n");
+        let duration_ms = if column == 0 { duration_ms } else { 0 };
+        let _ = write!(
+            text,
+            "[nodes.n0_{column}]\nkind = \"sleep\"\nvalue = {value}\nduration_ms = {duration_ms}\n\n"
+        );
     }
     for layer in 1..LAYERS {
         for column in 0..width {

@@ -7,7 +7,6 @@ use std::{
     io::{self, Write},
     os::unix::fs::FileExt,
     path::{Path, PathBuf},
-    time::SystemTime,
 };
 
 use memmap2::Mmap;
@@ -65,8 +64,6 @@ pub struct Log {
     index: HashMap<(RecordKind, Digest), Place, BuildHasherDefault<DigestHasher>>,
     /// The segment that this process appends to, with its lock.
     own: Option<usize>,
-    /// When the folder got its latest segment, as far as is known.
-    dir_changed: Option<SystemTime>,
 }
 
 impl Log {
@@ -76,24 +73,16 @@ impl Log {
             segments: Vec::new(),
             index: HashMap::default(),
             own: None,
-            dir_changed: None,
         };
         log.refresh()?;
         Ok(log)
     }
 
-    /// Whether another process has appended something since the last refresh.
-    pub fn is_stale(&self) -> bool {
-        let changed = |path: &Path| fs::metadata(path).and_then(|it| it.modified()).ok();
-        let grown = |(index, it): (usize, &Segment)| {
-            self.own != Some(index) && it.file.metadata().is_ok_and(|meta| meta.len() > it.end)
-        };
-        changed(&self.dir) != self.dir_changed || self.segments.iter().enumerate().any(grown)
-    }
-
     /// Reads what was appended since, by whomever.
+    ///
+    /// Lists the folder every time: its time of change is too coarse to tell whether a segment has
+    /// come in the same tick of the clock.
     pub fn refresh(&mut self) -> Result<(), StoreError> {
-        self.dir_changed = fs::metadata(&self.dir).and_then(|it| it.modified()).ok();
         let list = match fs::read_dir(&self.dir) {
             Ok(list) => list,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
@@ -242,7 +231,6 @@ impl Log {
         file.write_all(MAGIC).map_err(StoreError::new("write", &path))?;
         self.segments.push(Segment { path, file, end: MAGIC.len() as u64 });
         self.own = Some(self.segments.len() - 1);
-        self.dir_changed = fs::metadata(&self.dir).and_then(|it| it.modified()).ok();
         Ok(self.segments.len() - 1)
     }
 

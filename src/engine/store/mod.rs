@@ -154,8 +154,7 @@ impl Store {
     /// # Errors
     /// If the log cannot be read.
     pub fn refresh(&self) -> Result<(), StoreError> {
-        let mut log = self.log();
-        if log.is_stale() { log.refresh() } else { Ok(()) }
+        self.log().refresh()
     }
 
     /// Whether an object is there. Its bytes are checked when they are read.

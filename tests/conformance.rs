@@ -1,0 +1,167 @@
+//! What every kind must do, shown on its own example: it checks, runs, is cached the second time,
+//! gives the same bytes at one and two threads and in another process; every artifact survives a
+//! round trip, and garbage is refused.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs,
+    path::Path,
+    process::Command,
+};
+
+use sinew::{
+    LIBRARY,
+    engine::{
+        digest::Digest,
+        events::{Event, Observer, RunReport},
+        graph::Graph,
+        node::Surroundings,
+        pipeline::{self, Settings},
+        record::Line,
+        run::{self, RunOptions},
+        store::{Access, Store},
+    },
+};
+
+/// Digests by node and port, with the type's name.
+type Outputs = BTreeMap<(String, String), (String, Digest)>;
+
+/// Takes down the outputs of everything that ends.
+#[derive(Default)]
+struct Outcomes(Outputs);
+
+impl Observer for Outcomes {
+    fn event(&mut self, graph: &Graph, event: &Event<'_>) {
+        let Event::Finished { instance, outputs: Some(outputs), .. } = event else { return };
+        let instance = &graph.instances[*instance];
+        for port in instance.kind.spec.outputs {
+            if let Some(info) = outputs.artifacts.get(port.name) {
+                let key = (instance.id(), port.name.to_owned());
+                self.0.insert(key, (port.ty.name.to_owned(), info.digest));
+            }
+        }
+    }
+}
+
+fn load(file: &Path) -> Graph {
+    pipeline::load(file, &LIBRARY, &Settings::default())
+        .unwrap_or_else(|e| panic!("{}", e.render(false)))
+}
+
+fn run(graph: &Graph, folder: &Path, cache: &str, threads: usize) -> (RunReport, Outputs) {
+    let store = Store::open(&folder.join(cache), Access::ReadWrite).unwrap();
+    let options = RunOptions {
+        threads,
+        memory: 1 << 30,
+        targets: Vec::new(),
+        forced: BTreeSet::new(),
+        fail_fast: false,
+        surroundings: Surroundings { mirrors: Vec::new(), offline: true },
+        output_dir: folder.join("out"),
+        run_id: "conformance".to_owned(),
+    };
+    let mut outcomes = Outcomes::default();
+    let report = run::run(graph, &LIBRARY, &store, &options, &mut outcomes);
+    (report, outcomes.0)
+}
+
+fn assert_conforms(kind: &str, example: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("example.toml");
+    fs::write(&file, example).unwrap();
+    write_example_files(folder.path());
+    let graph = load(&file);
+    let uses = graph.instances.node_weights().any(|it| it.kind.spec.kind == kind);
+    assert!(uses, "the example of `{kind}` does not use it");
+
+    let (report, one) = run(&graph, folder.path(), "one", 1);
+    assert!(report.succeeded(), "{kind}: {:?}", report.outcomes);
+    let (again, _) = run(&graph, folder.path(), "one", 1);
+    assert_eq!(again.counts().ran, 0, "{kind}: a second run computes nothing");
+    let (_, two) = run(&graph, folder.path(), "two", 2);
+    assert_eq!(one, two, "{kind}: the same bytes at one and two threads");
+    assert_eq!(one, run_in_process(folder.path(), &file), "{kind}: and in another process");
+    assert_round_trips(kind, folder.path(), &one);
+}
+
+fn run_in_process(folder: &Path, file: &Path) -> Outputs {
+    let output = Command::new(env!("CARGO_BIN_EXE_sinew"))
+        .args(["run", "--json", "--quiet", "--offline", "-j", "2", "--cache"])
+        .arg(folder.join("process"))
+        .arg(file)
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let types: BTreeMap<(&str, &str), &str> = LIBRARY
+        .kinds
+        .iter()
+        .flat_map(|kind| {
+            kind.spec.outputs.iter().map(|it| ((kind.spec.kind, it.name), it.ty.name))
+        })
+        .collect();
+    let mut outputs = Outputs::new();
+    for line in String::from_utf8(output.stdout).unwrap().lines() {
+        if let Line::NodeDone(node) = serde_json::from_str(line).unwrap() {
+            for (port, digest) in node.out {
+                let ty = types[&(node.kind.as_str(), port.as_str())].to_owned();
+                outputs.insert((node.node.clone(), port), (ty, digest));
+            }
+        }
+    }
+    outputs
+}
+
+fn assert_round_trips(kind: &str, folder: &Path, outputs: &Outputs) {
+    let store = Store::open(&folder.join("one"), Access::ReadOnly).unwrap();
+    for ((node, port), (ty, digest)) in outputs {
+        let place = format!("{kind}: `{port}` of `{node}`");
+        let codec = LIBRARY.artifact_kind(ty).unwrap_or_else(|| panic!("{place}: no codec"));
+        let bytes = store.object(codec.ty, digest).unwrap_or_else(|e| panic!("{place}: {e}"));
+        let artifact = codec.decode(&bytes, None).unwrap_or_else(|e| panic!("{place}: {e}"));
+        assert_eq!(artifact.digest(), *digest, "{place}");
+        assert!(artifact.to_bytes() == bytes[..], "{place}: encoded again it is the same");
+        assert!(!artifact.summary().is_empty(), "{place}: it has a summary");
+        for length in [0, 7, 8, 9, bytes.len() / 2, bytes.len() - 1] {
+            assert!(codec.decode(&bytes[..length], None).is_err(), "{place}: {length} bytes");
+        }
+        // Whatever byte is damaged, decoding ends: with an error or with a value, not a panic.
+        let header = 8 + u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+        let mut damaged = bytes.to_vec();
+        for at in (0..header).chain((header..bytes.len()).step_by(bytes.len() / 200 + 1)) {
+            damaged[at] ^= 0x15;
+            let _ = codec.decode(&damaged, None);
+            damaged[at] ^= 0x15;
+        }
+    }
+}
+
+/// Files that examples read.
+fn write_example_files(folder: &Path) {
+    let tetrahedron = "OFF\n4 4 6\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
+    fs::write(folder.join("tetrahedron.off"), tetrahedron).unwrap();
+}
+
+macro_rules! by_first_letter {
+    ($($name:ident: $range:expr),* $(,)?) => {
+        $(
+            /// One part of the kinds: the parts run side by side.
+            #[test]
+            fn $name() {
+                for kind in LIBRARY.kinds {
+                    let first = kind.spec.kind.chars().next().unwrap();
+                    if $range.contains(&first) {
+                        assert_conforms(kind.spec.kind, kind.spec.example);
+                    }
+                }
+            }
+        )*
+    };
+}
+
+by_first_letter! {
+    kinds_from_a_to_d_conform: ('a'..='d'),
+    kinds_from_e_to_l_conform: ('e'..='l'),
+    kinds_from_m_to_r_conform: ('m'..='r'),
+    kinds_from_s_to_z_conform: ('s'..='z'),
+}
