@@ -91,11 +91,11 @@ impl Resampled {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernels::shapes::grid;
+    use crate::kernels::shapes::rectangle;
 
     #[test]
     fn a_removed_landmark_is_named() {
-        let mesh = grid(1);
+        let mesh = rectangle(1, 1, 1.0, 1.0);
         let resampled =
             Resampled::from_selection(mesh, &[0, 1, 2, 3], vec![Some(0), Some(1), Some(2), None]);
         let landmarks = |vertices| Landmarks { names: vec!["tip".to_owned()], vertices };

@@ -1,58 +1,75 @@
-//! Simple shapes with known areas, volumes and topology, for tests and examples.
+//! Simple surfaces with known areas, volumes, topology and spectra, for tests, examples and benchmarks.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use super::mesh::{TriMesh, Vec3};
 
-/// A unit sphere: an icosahedron refined `level` times, `10 * 4^level + 2` vertices.
-pub fn icosphere(level: usize) -> TriMesh {
-    let (mut vertices, mut faces) = icosahedron();
-    for _ in 0..level {
-        let mut midpoints = BTreeMap::new();
-        let mut finer = Vec::with_capacity(faces.len() * 4);
-        for [a, b, c] in faces {
-            let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(from, to): (u32, u32)| {
-                *midpoints.entry((from.min(to), from.max(to))).or_insert_with(|| {
-                    let sum: Vec3 = vertices[from as usize] + vertices[to as usize];
-                    vertices.push(sum.normalize());
-                    vertices.len() as u32 - 1
-                })
-            });
-            finer.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
-        }
-        faces = finer;
+/// A unit sphere of `10 f^2 + 2` vertices: an icosahedron with its edges cut into `f` parts.
+///
+/// As long as `f` is even, edges are halved and their middles moved to the sphere, so powers of two
+/// give the usual icosphere (16 is the one of 2,562 vertices).
+///
+/// # Panics
+/// If `frequency` is zero.
+pub fn geodesic_sphere(frequency: usize) -> TriMesh {
+    assert!(frequency > 0, "edges are cut into one part at least");
+    let mut odd = frequency;
+    let mut parts = vec![];
+    while odd % 2 == 0 {
+        parts.push(2);
+        odd /= 2;
     }
-    TriMesh::new(vertices, faces).expect("a sphere is a mesh")
+    parts.push(odd);
+    let (mut vertices, mut faces) = icosahedron();
+    for &n_parts in parts.iter().rev() {
+        (vertices, faces) = cut_edges(&vertices, &faces, n_parts);
+    }
+    TriMesh::new(vertices, faces).expect("points of the unit sphere are finite")
 }
 
-fn icosahedron() -> (Vec<Vec3>, Vec<[u32; 3]>) {
-    let golden = (1.0 + 5.0f64.sqrt()) / 2.0;
-    let mut vertices = Vec::with_capacity(12);
-    for axis in 0..3 {
-        for (one, phi) in [(-1.0, -golden), (1.0, -golden), (-1.0, golden), (1.0, golden)] {
-            let mut vertex = Vec3::zeros();
-            vertex[(axis + 1) % 3] = one;
-            vertex[(axis + 2) % 3] = phi;
-            vertices.push(vertex.normalize());
-        }
-    }
-    // The faces are the triples of mutual nearest neighbours (edge length 2 / |(1, phi)|).
-    let edge = 2.0 / (1.0 + golden * golden).sqrt();
-    let near = |a: usize, b: usize| ((vertices[a] - vertices[b]).norm() - edge).abs() < 1e-9;
-    let mut faces = Vec::with_capacity(20);
-    for a in 0..12 {
-        for b in a + 1..12 {
-            for c in b + 1..12 {
-                if near(a, b) && near(b, c) && near(a, c) {
-                    let outward = vertices[a].dot(&vertices[b].cross(&vertices[c])) > 0.0;
-                    let [a, b, c] = [a as u32, b as u32, c as u32];
-                    faces.push(if outward { [a, b, c] } else { [a, c, b] });
-                }
+/// A unit sphere of `10 * 4^level + 2` vertices: an icosahedron refined `level` times.
+pub fn icosphere(level: u32) -> TriMesh {
+    geodesic_sphere(1 << level)
+}
+
+/// An uneven closed surface of `10 f^2 + 2` vertices: a sphere with swellings and a waist, with
+/// triangles of different shapes and sizes.
+///
+/// # Panics
+/// If `frequency` is zero.
+pub fn bumpy_sphere(frequency: usize) -> TriMesh {
+    let sphere = geodesic_sphere(frequency);
+    let bump = |p: &Vec3| {
+        let waves = (3.0 * p.x + 1.0).sin() * (4.0 * p.y).cos() + (5.0 * p.z + p.x).sin();
+        let skewed = p + Vec3::new(0.15 * (7.0 * p.y).sin(), 0.1 * (9.0 * p.z).sin(), 0.0);
+        skewed.normalize().component_mul(&Vec3::new(0.6, 0.8, 1.7)) * (1.0 + 0.2 * waves)
+    };
+    let vertices = sphere.vertices().iter().map(bump).collect();
+    sphere.with_vertices(vertices).expect("bumps are finite")
+}
+
+/// A flat `width x height` rectangle of `(n_x + 1) (n_y + 1)` vertices, row by row, in the plane
+/// `z = 0`; every cell is two triangles.
+///
+/// # Panics
+/// If a count is zero or a side is not finite.
+pub fn rectangle(n_x: usize, n_y: usize, width: f64, height: f64) -> TriMesh {
+    assert!(n_x > 0 && n_y > 0, "one cell at least in both directions");
+    let at = |x: usize, y: usize| (y * (n_x + 1) + x) as u32;
+    let mut vertices = Vec::with_capacity((n_x + 1) * (n_y + 1));
+    let mut faces = Vec::with_capacity(2 * n_x * n_y);
+    for y in 0..=n_y {
+        for x in 0..=n_x {
+            let (u, v) = (x as f64 / n_x as f64, y as f64 / n_y as f64);
+            vertices.push(Vec3::new(width * u, height * v, 0.0));
+            if x < n_x && y < n_y {
+                faces.push([at(x, y), at(x + 1, y), at(x + 1, y + 1)]);
+                faces.push([at(x, y), at(x + 1, y + 1), at(x, y + 1)]);
             }
         }
     }
-    (vertices, faces)
+    TriMesh::new(vertices, faces).expect("the sides are finite")
 }
 
 /// A torus about the y axis, with `n_around * n_tube` vertices.
@@ -75,27 +92,6 @@ pub fn torus(radius: f64, tube_radius: f64, n_around: usize, n_tube: usize) -> T
         }
     }
     TriMesh::new(vertices, faces).expect("a torus is a mesh")
-}
-
-/// The unit square in the plane `z = 0`, facing `+z`: `n x n` cells of two triangles.
-///
-/// # Panics
-/// If `n` is zero.
-pub fn grid(n: usize) -> TriMesh {
-    assert!(n > 0, "a grid has cells");
-    let step = 1.0 / n as f64;
-    let vertices = (0..=n)
-        .flat_map(|j| (0..=n).map(move |i| Vec3::new(i as f64 * step, j as f64 * step, 0.0)))
-        .collect();
-    let mut faces = Vec::with_capacity(2 * n * n);
-    for j in 0..n {
-        for i in 0..n {
-            let a = (j * (n + 1) + i) as u32;
-            let above = a + n as u32 + 1;
-            faces.extend([[a, a + 1, above + 1], [a, above + 1, above]]);
-        }
-    }
-    TriMesh::new(vertices, faces).expect("a grid is a mesh")
 }
 
 /// Two shapes as one mesh: the second's vertices and faces after the first's.
@@ -124,11 +120,106 @@ pub fn signed_volume(mesh: &TriMesh) -> f64 {
         .sum()
 }
 
+fn icosahedron() -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let golden = 0.5 + 1.25f64.sqrt();
+    let mut vertices = Vec::with_capacity(12);
+    for axis in 0..3 {
+        for (a, b) in [(1.0, golden), (-1.0, golden), (1.0, -golden), (-1.0, -golden)] {
+            let mut vertex = Vec3::zeros();
+            vertex[(axis + 1) % 3] = a;
+            vertex[(axis + 2) % 3] = b;
+            vertices.push(vertex);
+        }
+    }
+    // Faces are the triples of vertices at the distance of an edge, turned to look outwards.
+    let is_edge = |a: usize, b: usize| (vertices[a] - vertices[b]).norm() < 2.1;
+    let mut faces = Vec::with_capacity(20);
+    for a in 0..12 {
+        for b in a + 1..12 {
+            for c in b + 1..12 {
+                if is_edge(a, b) && is_edge(b, c) && is_edge(c, a) {
+                    let volume = vertices[a].dot(&vertices[b].cross(&vertices[c]));
+                    let face = if volume > 0.0 { [a, b, c] } else { [a, c, b] };
+                    faces.push(face.map(|it| it as u32));
+                }
+            }
+        }
+    }
+    (vertices.iter().map(|it| it.normalize()).collect(), faces)
+}
+
+/// Cuts every edge into `n_parts` and every face into `n_parts^2`; new vertices go to the sphere.
+fn cut_edges(vertices: &[Vec3], faces: &[[u32; 3]], n_parts: usize) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let mut points = vertices.to_vec();
+    let mut finer = Vec::with_capacity(faces.len() * n_parts * n_parts);
+    // A point on an edge belongs to both of its faces: it is found again by the edge's ends and its
+    // steps away from the lesser one.
+    let mut on_edges: BTreeMap<(u32, u32, usize), u32> = BTreeMap::new();
+    for &[a, b, c] in faces {
+        // Steps towards b and towards c.
+        let mut index_at = |to_b: usize, to_c: usize| {
+            let steps = [n_parts - to_b - to_c, to_b, to_c];
+            let ends: Vec<(u32, usize)> =
+                [a, b, c].into_iter().zip(steps).filter(|it| it.1 > 0).collect();
+            let mut push = || {
+                let sum: Vec3 = ends.iter().map(|it| vertices[it.0 as usize] * it.1 as f64).sum();
+                points.push(sum.normalize());
+                points.len() as u32 - 1
+            };
+            match ends[..] {
+                [(corner, _)] => corner,
+                [one, other] => {
+                    let (lesser, greater) = (one.min(other), one.max(other));
+                    *on_edges.entry((lesser.0, greater.0, greater.1)).or_insert_with(push)
+                }
+                _ => push(),
+            }
+        };
+        let rows: Vec<Vec<u32>> = (0..=n_parts)
+            .map(|to_c| (0..=n_parts - to_c).map(|to_b| index_at(to_b, to_c)).collect())
+            .collect();
+        for (row, next) in rows.iter().zip(&rows[1..]) {
+            for x in 0..next.len() {
+                finer.push([row[x], row[x + 1], next[x]]);
+                if x + 1 < next.len() {
+                    finer.push([row[x + 1], next[x + 1], next[x]]);
+                }
+            }
+        }
+    }
+    (points, finer)
+}
+
 #[cfg(test)]
 mod tests {
     use std::f64::consts::PI;
 
     use super::*;
+
+    #[test]
+    fn spheres_are_closed_round_and_face_outwards() {
+        for frequency in [1, 2, 3, 4, 6, 7] {
+            let mesh = geodesic_sphere(frequency);
+            assert_eq!(mesh.n_vertices(), 10 * frequency * frequency + 2);
+            assert_eq!(mesh.n_faces(), 20 * frequency * frequency);
+            let mut edges = BTreeMap::new();
+            for [a, b, c] in mesh.faces() {
+                for (from, to) in [(a, b), (b, c), (c, a)] {
+                    *edges.entry((from, to)).or_insert(0) += 1;
+                }
+            }
+            assert!(edges.iter().all(|((a, b), &n)| n == 1 && edges.contains_key(&(*b, *a))));
+            for face in 0..mesh.n_faces() {
+                assert!(mesh.area_vector(face).dot(&mesh.corners(face)[0]) > 0.0);
+            }
+            assert!(mesh.vertices().iter().all(|it| (it.norm() - 1.0).abs() < 1e-15));
+        }
+    }
+
+    #[test]
+    fn a_rectangle_has_its_area() {
+        assert!((rectangle(3, 5, 2.0, 0.5).area() - 1.0).abs() < 1e-15);
+    }
 
     #[test]
     fn a_fine_sphere_has_the_area_and_volume_of_a_ball() {
@@ -143,11 +234,5 @@ mod tests {
         let mesh = torus(2.0, 0.5, 96, 48);
         assert!((mesh.area() / (TAU * 2.0 * TAU * 0.5) - 1.0).abs() < 0.005);
         assert!((signed_volume(&mesh) / (TAU * 2.0 * PI * 0.25) - 1.0).abs() < 0.01);
-    }
-
-    #[test]
-    fn a_grid_covers_the_unit_square() {
-        assert!((grid(7).area() - 1.0).abs() < 1e-12);
-        assert_eq!(grid(3).vertex_normals()[5], Vec3::z());
     }
 }

@@ -167,12 +167,12 @@ fn product(a: &CsrMatrix, b: &CsrMatrix) -> CsrMatrix {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernels::shapes::{grid, icosphere, signed_volume, torus};
+    use crate::kernels::shapes::{icosphere, rectangle, signed_volume, torus};
     use crate::kernels::topology::Topology;
     use crate::kernels::weights::SkinWeights;
 
     fn shapes() -> Vec<TriMesh> {
-        vec![icosphere(1), torus(2.0, 0.5, 9, 7), grid(3)]
+        vec![icosphere(1), torus(2.0, 0.5, 9, 7), rectangle(3, 3, 1.0, 1.0)]
     }
 
     #[test]
@@ -198,7 +198,7 @@ mod tests {
             assert!(ones.iter().all(|it| (it - 1.0).abs() < 1e-12));
             assert!(fine.new_from_old.values.iter().all(|&it| it > 0.0));
         }
-        let plane = subdivide(&grid(4), Scheme::Loop, 1).unwrap().mesh;
+        let plane = subdivide(&rectangle(4, 4, 1.0, 1.0), Scheme::Loop, 1).unwrap().mesh;
         assert!(plane.vertices().iter().all(|it| it.z == 0.0));
         assert!(plane.area() < 1.0 && plane.area() > 0.9, "only the square's corners are cut");
     }

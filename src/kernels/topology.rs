@@ -263,7 +263,7 @@ impl DisjointSets {
 mod tests {
     use super::*;
     use crate::kernels::mesh::Vec3;
-    use crate::kernels::shapes::{grid, icosphere, moved, torus, union};
+    use crate::kernels::shapes::{icosphere, moved, rectangle, torus, union};
 
     fn mesh_of(n_vertices: usize, faces: &[[u32; 3]]) -> TriMesh {
         let vertices = (0..n_vertices).map(|it| Vec3::new(it as f64, (it * it) as f64, 0.0));
@@ -277,7 +277,7 @@ mod tests {
         assert!(sphere.is_closed && sphere.is_oriented && sphere.is_manifold());
         let torus_facts = Topology::of(&torus(2.0, 0.5, 12, 8));
         assert_eq!((torus_facts.euler_characteristic, torus_facts.genus), (0, Some(1)));
-        let disk = Topology::of(&grid(4));
+        let disk = Topology::of(&rectangle(4, 4, 1.0, 1.0));
         assert_eq!((disk.euler_characteristic, disk.genus), (1, Some(0)));
         assert_eq!((disk.n_boundary_edges, disk.n_boundary_loops), (16, 1));
         let both = Topology::of(&union(&icosphere(1), &moved(&torus(2.0, 0.5, 9, 9), Vec3::x())));

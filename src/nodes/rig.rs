@@ -90,3 +90,61 @@ max_influences = 4
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+    use crate::engine::artifact::{AnyArtifact, Artifact};
+    use crate::engine::node::{NodeOutputs, Surroundings};
+    use crate::kernels::mesh::Vec3;
+    use crate::kernels::shapes::icosphere;
+
+    fn skeleton(n_joints: usize) -> Skeleton {
+        let names = (0..n_joints).map(|it| format!("joint{it}")).collect();
+        let parents = (0..n_joints).map(|it| it.checked_sub(1)).collect();
+        let positions = (0..n_joints).map(|it| Vec3::y() * it as f64).collect();
+        Skeleton::new(names, parents, positions).unwrap()
+    }
+
+    fn weights(n_vertices: usize, n_joints: usize) -> SkinWeights {
+        let row =
+            |vertex: usize| (0..n_joints).map(move |it| (it as u32, (1 + vertex + it) as f64));
+        let rows: Vec<Vec<_>> = (0..n_vertices).map(|it| row(it).collect()).collect();
+        SkinWeights::from_rows(n_joints, &rows).unwrap()
+    }
+
+    fn run(node: &RigNode, weights: SkinWeights) -> Result<NodeOutputs, NodeError> {
+        fn artifact(value: impl Artifact) -> Vec<AnyArtifact> {
+            vec![AnyArtifact::encode(value).0]
+        }
+        let inputs = BTreeMap::from([
+            ("mesh", artifact(icosphere(0))),
+            ("skeleton", artifact(skeleton(3))),
+            ("weights", artifact(weights)),
+        ]);
+        let surroundings = Surroundings::default();
+        let mut io =
+            NodeIo::new(&RigNode::SPEC, inputs, BTreeMap::new(), &surroundings, &|_, _| {});
+        node.run(&mut io)?;
+        Ok(io.finish())
+    }
+
+    #[test]
+    fn counts_that_differ_are_named() {
+        let node = RigNode { max_influences: None, fit_clip: true };
+        let message = |weights| run(&node, weights).err().unwrap().message().to_owned();
+        assert_eq!(message(weights(11, 3)), "weights of 11 vertices for a mesh of 12");
+        assert_eq!(message(weights(12, 4)), "weights of 4 joints for a skeleton of 3");
+    }
+
+    #[test]
+    fn dropped_influences_are_noted() {
+        let node = RigNode { max_influences: Some(2), fit_clip: true };
+        let outputs = run(&node, weights(12, 3)).unwrap();
+        assert!(outputs.notes[0].starts_with("12 vertices had more than 2 influences"));
+        let rig = outputs.artifacts["rig"].0.downcast::<Rig>().unwrap();
+        assert_eq!(rig.weights.max_influences(), 2);
+    }
+}

@@ -152,7 +152,7 @@ impl Checker<'_> {
                 Some(field) => {
                     res.insert(port.name, self.check_port(draft, port, &field.value));
                 }
-                None if port.arity == Arity::Optional => {}
+                None if port.arity.may_be_left_out() => {}
                 None => self.report_missing_wire(draft, port),
             }
         }
@@ -161,7 +161,7 @@ impl Checker<'_> {
 
     fn check_port(&mut self, draft: &Draft, port: &Port, value: &Value) -> Vec<PortRef> {
         let wires = match &value.data {
-            Data::List(_) if port.arity != Arity::Many => {
+            Data::List(_) if !port.arity.takes_list() => {
                 let message = format!("`{}` takes one wire, not a list", port.name);
                 self.problems.push(Diagnostic::error(&value.place, message));
                 return Vec::new();
@@ -220,7 +220,7 @@ impl Checker<'_> {
         let kinds = self.library.kinds.iter().map(|it| &it.spec);
         let kind = kinds
             .filter(|it| has(it.inputs, end.port.ty) && has(it.outputs, wanted))
-            .min_by_key(|it| it.inputs.iter().filter(|it| it.arity != Arity::Optional).count())?;
+            .min_by_key(|it| it.inputs.iter().filter(|it| !it.arity.may_be_left_out()).count())?;
         let (kind, wanted, given) = (kind.kind, wanted.name, end.port.ty.name);
         Some(format!("a `{kind}` node makes `{wanted}` from `{given}`"))
     }
