@@ -568,7 +568,7 @@ mod tests {
 
     #[test]
     fn a_flat_face_is_flipped_away_without_a_slit() {
-        // Vertex 4 lies on the edge 0-1 of the square's lower triangle.
+        // Vertex 4 lies on the diagonal 0-2 of the square.
         let mut vertices: Vec<Vec3> = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
             .map(|[x, y]| Vec3::new(x, y, 0.0))
             .to_vec();

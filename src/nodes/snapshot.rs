@@ -6,7 +6,9 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{Inputs, Node, NodeError, NodeIo, OptionalInputs, Output, Spec};
 use crate::kernels::snapshot::colors::weight_colors;
 use crate::kernels::snapshot::{Figure, Role, Scale, SnapshotOptions, View, snapshot};
-use crate::kernels::{image::Image, mesh::TriMesh, skeleton::Skeleton, weights::SkinWeights};
+use crate::kernels::{
+    image::Image, landmarks::Landmarks, mesh::TriMesh, skeleton::Skeleton, weights::SkinWeights,
+};
 
 /// Draws meshes side by side, with their skeletons shining through.
 ///
@@ -56,6 +58,8 @@ impl Snapshot {
     );
     const WEIGHTS: OptionalInputs<SkinWeights> =
         OptionalInputs::new("weights", "skin weights for every mesh, shown as a colour a joint");
+    const LANDMARKS: OptionalInputs<Landmarks> =
+        OptionalInputs::new("landmarks", "landmarks of every mesh, shown as dots in matching hues");
     const IMAGE: Output<Image> = Output::new("image", "the picture");
 }
 
@@ -68,6 +72,7 @@ impl Node for Snapshot {
             Self::SKELETONS.port(),
             Self::TRUTHS.port(),
             Self::WEIGHTS.port(),
+            Self::LANDMARKS.port(),
         ],
         outputs: &[Self::IMAGE.port()],
         cites: &[],
@@ -89,10 +94,12 @@ height = 300
         let skeletons = io.get_all_optional(Self::SKELETONS);
         let truths = io.get_all_optional(Self::TRUTHS);
         let weights = io.get_all_optional(Self::WEIGHTS);
+        let landmarks = io.get_all_optional(Self::LANDMARKS);
         let counts = [
             ("skeletons", skeletons.len()),
             ("truths", truths.len()),
             ("weights", weights.len()),
+            ("landmarks", landmarks.len()),
             ("captions", self.captions.len()),
         ];
         if let Some((what, count)) = counts.iter().find(|it| it.1 != 0 && it.1 != meshes.len()) {
@@ -106,6 +113,7 @@ height = 300
                 Figure {
                     colors: weights.get(index).map(|it| weight_colors(it)),
                     skeletons: own.into_iter().chain(truth).collect(),
+                    dots: landmarks.get(index).map_or(&[], |it| &it.vertices),
                     caption: self.captions.get(index).cloned().unwrap_or_default(),
                     ..Figure::new(&meshes[index])
                 }

@@ -41,20 +41,24 @@ impl Role {
 
 /// Adds a skeleton. `size` is the figure's extent, from which the thickness of bones follows.
 pub fn add_skeleton(soup: &mut Soup, skeleton: &Skeleton, role: Role, size: f64) {
-    let ball = icosphere(2);
     let positions = skeleton.positions();
     for (parent, child) in skeleton.bones() {
         add_bone(soup, positions[parent], positions[child], role, size);
     }
     let radius = 0.0078 * size * role.thickness();
-    let color = role.joint_color();
-    for joint in positions {
-        let first = soup.points.len() as u32;
-        for normal in ball.vertices() {
-            soup.push(joint + normal * radius, *normal, color);
-        }
-        soup.triangles.extend(ball.faces().iter().map(|face| face.map(|it| it + first)));
+    for &joint in positions {
+        add_ball(soup, joint, radius, role.joint_color());
     }
+}
+
+/// Adds a ball.
+pub fn add_ball(soup: &mut Soup, centre: Vec3, radius: f64, color: Color) {
+    let ball = icosphere(2);
+    let first = soup.points.len() as u32;
+    for normal in ball.vertices() {
+        soup.push(centre + normal * radius, *normal, color);
+    }
+    soup.triangles.extend(ball.faces().iter().map(|face| face.map(|it| it + first)));
 }
 
 /// An octahedron that is thickest near the parent.

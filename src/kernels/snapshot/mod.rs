@@ -35,6 +35,8 @@ pub struct Figure<'a> {
     /// A function whose level lines are drawn.
     pub isolines: Option<Isolines<'a>>,
     pub skeletons: Vec<(&'a Skeleton, Role)>,
+    /// Vertices to point out, each in a hue by its place in the list.
+    pub dots: &'a [u32],
     /// A line of text below; may be empty.
     pub caption: String,
 }
@@ -50,7 +52,14 @@ pub struct Isolines<'a> {
 impl<'a> Figure<'a> {
     /// A plain shape without a skeleton.
     pub fn new(mesh: &'a TriMesh) -> Self {
-        Self { mesh, colors: None, isolines: None, skeletons: Vec::new(), caption: String::new() }
+        Self {
+            mesh,
+            colors: None,
+            isolines: None,
+            skeletons: Vec::new(),
+            dots: &[],
+            caption: String::new(),
+        }
     }
 }
 
@@ -79,6 +88,8 @@ pub enum SnapshotError {
     TooSmall { width: usize, height: usize, n_panels: usize },
     #[error("figure {figure} has {n_values} {what} for a mesh of {n_vertices} vertices")]
     Count { figure: usize, what: &'static str, n_values: usize, n_vertices: usize },
+    #[error("figure {figure} points out vertex {vertex}, but its mesh has {n_vertices} vertices")]
+    OutOfRange { figure: usize, vertex: u32, n_vertices: usize },
 }
 
 /// Draws figures side by side, each from all views, on white.
@@ -132,6 +143,9 @@ fn check(figures: &[Figure<'_>], options: &SnapshotOptions) -> Result<(), Snapsh
             ("colours", it.colors.as_ref().map(Vec::len)),
             ("values", it.isolines.map(|it| it.values.len())),
         ];
+        if let Some(&vertex) = it.dots.iter().find(|dot| **dot as usize >= n_vertices) {
+            return Err(SnapshotError::OutOfRange { figure, vertex, n_vertices });
+        }
         for (what, n_values) in counts {
             if let Some(n_values) = n_values.filter(|&it| it != n_vertices) {
                 return Err(SnapshotError::Count { figure, what, n_values, n_vertices });
@@ -191,6 +205,10 @@ impl Soups {
         let mut bones_soup = Soup::default();
         for (skeleton, _) in figure.skeletons.iter().filter(|it| it.1 == Role::Own) {
             bones::add_skeleton(&mut bones_soup, skeleton, Role::Own, size);
+        }
+        for (index, &vertex) in figure.dots.iter().enumerate() {
+            let place = mesh.vertices()[vertex as usize];
+            bones::add_ball(&mut bones_soup, place, 0.011 * size, colors::joint_color(index));
         }
         // The truth is thinner: it must not vanish inside a result that is nearly right.
         bones_soup.lifted = Some((bones_soup.points.len(), 0.03 * size));
