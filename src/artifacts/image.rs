@@ -1,5 +1,5 @@
-use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::image::Image;
+use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder, Format};
+use crate::kernels::{image::Image, io::png::write_png};
 
 impl Artifact for Image {
     const TYPE: ArtifactType = ArtifactType {
@@ -7,6 +7,7 @@ impl Artifact for Image {
         version: 1,
         doc: "Picture: `pixels` (height x width*3 bytes, sRGB, rows from the top).",
     };
+    const FORMATS: &'static [Format] = &[Format { extension: "png", doc: "8-bit sRGB picture" }];
 
     fn encode<'a>(&'a self, to: &mut Encoder<'a>) {
         let bytes: &[u8] = bytemuck::cast_slice(&self.pixels);
@@ -24,5 +25,12 @@ impl Artifact for Image {
 
     fn summary(&self) -> Vec<(String, String)> {
         vec![("size".to_owned(), format!("{} x {}", self.width, self.height))]
+    }
+
+    fn export(&self, extension: &str) -> Result<Vec<u8>, String> {
+        match extension {
+            "png" => Ok(write_png(self)),
+            _ => Err(format!("`image` cannot be written as .{extension}")),
+        }
     }
 }
