@@ -286,7 +286,9 @@ impl Canvas {
 
     fn into_image(self) -> Image {
         let byte = |it: f32| (srgb_from_linear(it.clamp(0.0, 1.0)) * 255.0).round() as u8;
-        let pixels = self.pixels.par_iter().map(|it| it.map(byte)).collect();
+        let white = [1.0; 3];
+        let bytes = |it: &Color| if *it == white { [255; 3] } else { it.map(byte) };
+        let pixels = self.pixels.par_iter().map(bytes).collect();
         Image { width: self.width, height: self.height, pixels }
     }
 }

@@ -1,5 +1,7 @@
 //! Light, hollows, shadows, and the layers of a picture.
 
+use rayon::prelude::*;
+
 use crate::kernels::mesh::TriMesh;
 
 use super::Canvas;
@@ -147,24 +149,35 @@ impl Layers {
 
     /// Ground, body, bones, one over the other.
     pub fn compose(&self, canvas: &mut Canvas, cell: Cell, ground: Option<&Ground>) {
+        let columns = cell.left..cell.left + self.width;
+        let rows =
+            canvas.pixels.par_chunks_exact_mut(canvas.width).skip(cell.top).take(self.height);
+        rows.enumerate().for_each(|(y, row)| {
+            for (x, color) in row[columns.clone()].iter_mut().enumerate() {
+                *color = self.compose_pixel(*color, x, y, ground);
+            }
+        });
+    }
+
+    fn compose_pixel(
+        &self,
+        mut color: Color,
+        x: usize,
+        y: usize,
+        ground: Option<&Ground>,
+    ) -> Color {
         const SHADOW: Color = [0.16, 0.17, 0.21];
-        for y in 0..self.height {
-            for x in 0..self.width {
-                let index = y * self.width + x;
-                let pixel = &self.pixels[index];
-                let to = (cell.top + y) * canvas.width + cell.left + x;
-                let mut color = canvas.pixels[to];
-                if pixel.cover < 1.0 {
-                    let shadow = ground.map_or(0.0, |it| it.shadow(x, y)) * self.inward(x, y);
-                    color = mix(color, SHADOW, shadow);
-                }
-                let light = self.open[index];
-                color =
-                    [0, 1, 2].map(|it| color[it] * (1.0 - pixel.cover) + pixel.body[it] * light);
-                let clear = 1.0 - pixel.bone_alpha;
-                canvas.pixels[to] = [0, 1, 2].map(|it| color[it] * clear + pixel.bone[it]);
+        let index = y * self.width + x;
+        let pixel = &self.pixels[index];
+        if pixel.cover < 1.0 {
+            let shadow = ground.map_or(0.0, |it| it.shadow(x, y));
+            if shadow > 0.0 {
+                color = mix(color, SHADOW, shadow * self.inward(x, y));
             }
         }
+        let (light, clear) = (self.open[index], 1.0 - pixel.bone_alpha);
+        color = [0, 1, 2].map(|it| color[it] * (1.0 - pixel.cover) + pixel.body[it] * light);
+        [0, 1, 2].map(|it| color[it] * clear + pixel.bone[it])
     }
 }
 
@@ -186,10 +199,10 @@ fn openness(pixels: &[Pixel], width: usize, height: usize, size_px: f32) -> Vec<
         let radius = ((size_px * radius_share) as usize).max(1);
         let mut weights: Vec<f32> = pixels.iter().map(|it| it.cover).collect();
         let mut depths: Vec<f32> = pixels.iter().map(|it| it.cover * it.depth).collect();
-        for _ in 0..2 {
-            box_blur(&mut weights, width, height, radius);
-            box_blur(&mut depths, width, height, radius);
-        }
+        let blur = |values: &mut [f32]| {
+            (0..2).for_each(|_| box_blur(values, width, height, radius));
+        };
+        rayon::join(|| blur(&mut weights), || blur(&mut depths));
         for (index, pixel) in pixels.iter().enumerate().filter(|it| it.1.cover > 0.0) {
             let around = depths[index] / weights[index].max(1e-6);
             let behind = (around - pixel.depth) / (2.0 * radius as f32) - 0.06;
