@@ -30,8 +30,10 @@ impl Artifact for Rig {
     }
 
     fn decode(from: &Decoder<'_>) -> Result<Self, DecodeError> {
-        let n_clips: usize =
-            from.text("n_clips")?.parse().map_err(|_| DecodeError::new("`n_clips` is no number"))?;
+        let n_clips: usize = from
+            .text("n_clips")?
+            .parse()
+            .map_err(|_| DecodeError::new("`n_clips` is no number"))?;
         let clips = (0..n_clips).map(|index| Clip::decode(&from.part(&format!("clip{index}"))));
         let rig = Self {
             mesh: TriMesh::decode(&from.part("mesh"))?,

@@ -67,11 +67,14 @@ impl Artifact for Table {
         let mut lines = vec![("rows".to_owned(), self.n_rows().to_string())];
         for column in &self.columns {
             let first: Vec<String> = match &column.values {
-                Values::Numbers(values) => values.iter().take(5).map(|it| format!("{it:.5}")).collect(),
+                Values::Numbers(values) => {
+                    values.iter().take(5).map(|it| format!("{it:.5}")).collect()
+                }
                 Values::Texts(texts) => texts.iter().take(5).cloned().collect(),
             };
             let more = if column.len() > 5 { ", …" } else { "" };
-            let unit = if column.unit.is_empty() { String::new() } else { format!(" [{}]", column.unit) };
+            let unit =
+                if column.unit.is_empty() { String::new() } else { format!(" [{}]", column.unit) };
             lines.push((format!("{}{unit}", column.name), first.join(", ") + more));
         }
         lines

@@ -21,7 +21,8 @@ impl Artifact for SkinWeights {
         let offsets = from.vector::<u64>("offsets")?;
         let joints = from.vector::<u32>("joints")?;
         let values = from.vector::<f64>("values")?;
-        let n_joints = from.text("n_joints")?.parse().map_err(|_| DecodeError::new("`n_joints`"))?;
+        let n_joints =
+            from.text("n_joints")?.parse().map_err(|_| DecodeError::new("`n_joints`"))?;
         let offsets = offsets.iter().map(|&it| it as usize).collect();
         Self::from_parts(n_joints, offsets, joints.into_owned(), values.into_owned())
             .map_err(DecodeError)
@@ -33,7 +34,10 @@ impl Artifact for SkinWeights {
         vec![
             ("vertices".to_owned(), self.n_vertices().to_string()),
             ("joints".to_owned(), self.n_joints().to_string()),
-            ("influences a vertex".to_owned(), format!("mean {mean:.2}, max {}", self.max_influences())),
+            (
+                "influences a vertex".to_owned(),
+                format!("mean {mean:.2}, max {}", self.max_influences()),
+            ),
         ]
     }
 }

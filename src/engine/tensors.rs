@@ -200,9 +200,9 @@ impl<'a> Decoder<'a> {
     /// If the header does not describe the bytes exactly.
     pub fn new(bytes: &'a [u8]) -> Result<Self, DecodeError> {
         let fail = |what: &str| DecodeError(format!("the file is damaged: {what}"));
-        let (length, rest) = bytes.split_first_chunk::<8>().ok_or_else(|| {
-            fail(&format!("{} bytes are too few for a header", bytes.len()))
-        })?;
+        let (length, rest) = bytes
+            .split_first_chunk::<8>()
+            .ok_or_else(|| fail(&format!("{} bytes are too few for a header", bytes.len())))?;
         let length = usize::try_from(u64::from_le_bytes(*length))
             .ok()
             .filter(|&it| it <= rest.len())

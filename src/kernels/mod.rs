@@ -7,13 +7,17 @@
 
 pub mod basis;
 pub mod clip;
+pub mod corner_table;
 pub mod files;
 pub mod functional_map;
 pub mod image;
+pub mod isosurface;
 pub mod landmarks;
 pub mod mesh;
 pub mod operator;
+pub mod random;
 pub mod regressor;
+pub mod remesh;
 pub mod skeleton;
 pub mod sparse;
 pub mod table;

@@ -50,7 +50,11 @@ impl Skeleton {
         }
         for (joint, &parent) in parents.iter().enumerate() {
             if let Some(parent) = parent.filter(|&it| it >= joint) {
-                return Err(SkeletonError::ParentOrder { joint, name: names[joint].clone(), parent });
+                return Err(SkeletonError::ParentOrder {
+                    joint,
+                    name: names[joint].clone(),
+                    parent,
+                });
             }
         }
         let mut sorted: Vec<&String> = names.iter().collect();
@@ -120,7 +124,8 @@ mod tests {
     fn a_parent_comes_before_its_children() {
         let names = vec!["hip".to_owned(), "knee".to_owned()];
         let positions = vec![Vec3::zeros(), Vec3::y()];
-        let skeleton = Skeleton::new(names.clone(), vec![None, Some(0)], positions.clone()).unwrap();
+        let skeleton =
+            Skeleton::new(names.clone(), vec![None, Some(0)], positions.clone()).unwrap();
         assert_eq!(skeleton.bones().collect::<Vec<_>>(), [(0, 1)]);
         let error = Skeleton::new(names, vec![Some(1), None], positions).unwrap_err();
         assert_eq!(

@@ -66,7 +66,10 @@ impl CsrMatrix {
     /// The stored (column, value) pairs of a row, ascending.
     pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         let range = self.offsets[row]..self.offsets[row + 1];
-        self.columns[range.clone()].iter().map(|&it| it as usize).zip(self.values[range].iter().copied())
+        self.columns[range.clone()]
+            .iter()
+            .map(|&it| it as usize)
+            .zip(self.values[range].iter().copied())
     }
 
     /// `y = A x` for one vector.

@@ -61,9 +61,7 @@ impl SkinWeights {
             res.offsets.push(res.joints.len());
         }
         match unweighted {
-            Some(vertex) => {
-                Err(WeightsError::Unweighted { vertex, count, n_vertices: rows.len() })
-            }
+            Some(vertex) => Err(WeightsError::Unweighted { vertex, count, n_vertices: rows.len() }),
             None => Ok(res),
         }
     }
