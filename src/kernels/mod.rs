@@ -19,6 +19,8 @@ pub mod random;
 pub mod regressor;
 pub mod remesh;
 pub mod skeleton;
+pub mod skinning;
 pub mod sparse;
+pub mod synthesize;
 pub mod table;
 pub mod weights;
