@@ -88,7 +88,7 @@ impl Remesher<'_> {
     /// Splits an edge that exists.
     fn split(&mut self, [a, b]: [u32; 2]) {
         let edge = self.table.edge([a, b]).expect("splits remove no other edge");
-        let middle = (self.project)(0.5 * (self.table.position(a) + self.table.position(b)));
+        let middle = 0.5 * (self.table.position(a) + self.table.position(b));
         self.table.split(edge, middle);
         self.sizes.push((self.size)(middle));
     }
@@ -107,7 +107,7 @@ impl Remesher<'_> {
         let Some(edge) = self.table.edge([a, b]).filter(|&it| self.table.can_collapse(it)) else {
             return;
         };
-        let middle = (self.project)(0.5 * (self.table.position(a) + self.table.position(b)));
+        let middle = 0.5 * (self.table.position(a) + self.table.position(b));
         let fits = |from: u32, other: u32| {
             self.table.outgoing(from).all(|spoke| {
                 let (p, q) = (self.table.target(spoke), self.table.apex(spoke));

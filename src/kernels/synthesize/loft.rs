@@ -36,6 +36,8 @@ pub struct Loft {
     slopes: Vec<(Vec3, [f64; 3])>,
     front: Vec3,
     caps: [f64; 2],
+    /// Nothing of the loft is farther from its chords.
+    reach: f64,
     low: Vec3,
     high: Vec3,
 }
@@ -63,12 +65,14 @@ impl Loft {
             knots.push(knots[knots.len() - 1] + (pair[1].centre - pair[0].centre).norm());
         }
         let slopes = (0..stations.len()).map(|it| slope(&stations, &knots, it)).collect();
-        let reach = |it: &Station| it.side.max(it.front).max(it.back).max(caps[0]).max(caps[1]);
-        let inf = |low: Vec3, it: &Station| low.inf(&it.centre.add_scalar(-reach(it)));
-        let sup = |high: Vec3, it: &Station| high.sup(&it.centre.add_scalar(reach(it)));
+        let extent = |it: &Station| it.side.max(it.front).max(it.back).max(caps[0]).max(caps[1]);
+        let inf = |low: Vec3, it: &Station| low.inf(&it.centre.add_scalar(-extent(it)));
+        let sup = |high: Vec3, it: &Station| high.sup(&it.centre.add_scalar(extent(it)));
         let first = stations[0].centre;
         let (low, high) = (stations.iter().fold(first, inf), stations.iter().fold(first, sup));
-        Self { stations, knots, slopes, front, caps, low, high }
+        // The axis bends away from its chords by less than a fifth of a radius in any body plan.
+        let reach = 1.2 * stations.iter().map(extent).fold(0.0, f64::max);
+        Self { stations, knots, slopes, front, caps, reach, low, high }
     }
 
     /// The chord length of the axis up to the point of it that is nearest to `point`.
@@ -86,11 +90,27 @@ impl Loft {
         (self.low - point).sup(&(point - self.high)).sup(&Vec3::zeros()).norm()
     }
 
+    /// The distance, or a lower bound of it if that is above `needed`.
+    pub fn distance_within(&self, point: Vec3, needed: f64) -> f64 {
+        let bound = self.distance_bound(point);
+        if bound > needed {
+            return bound;
+        }
+        let (along, squared) = self.nearest_on_chords(point);
+        let bound = squared.sqrt() - self.reach;
+        if bound > needed { bound } else { self.sample_from(point, along).distance }
+    }
+
     /// The distance, to first order near the surface: `k0 (k0 - 1) / k1` with the scaled radius `k0`
     /// and the length `k1` of its gradient (Quilez, "ellipsoid").
     pub fn sample(&self, point: Vec3) -> LoftSample {
-        let along = self.nearest(point);
-        let (centre, direction, [side, front, back]) = self.at(along);
+        self.sample_from(point, self.nearest_on_chords(point).0)
+    }
+
+    fn sample_from(&self, point: Vec3, start: f64) -> LoftSample {
+        let along = self.nearest(point, start);
+        let (centre, direction) = self.axis(along);
+        let [side, front, back] = self.radii(along);
         let direction = direction.normalize();
         let facing = (self.front - direction * direction.dot(&self.front)).normalize();
         let offset = point - centre;
@@ -115,50 +135,79 @@ impl Loft {
         LoftSample { distance, along, radius: side.min(front).min(back) }
     }
 
-    /// Gauss-Newton on the squared distance to the axis, from the nearest point of the chords.
-    fn nearest(&self, point: Vec3) -> f64 {
+    /// The chord length up to the nearest point of the chords, and its squared distance.
+    fn nearest_on_chords(&self, point: Vec3) -> (f64, f64) {
         let (mut along, mut best) = (0.0, f64::INFINITY);
         for (span, pair) in self.stations.windows(2).enumerate() {
+            let width = self.knots[span + 1] - self.knots[span];
             let chord = pair[1].centre - pair[0].centre;
             let offset = point - pair[0].centre;
-            let fraction = (offset.dot(&chord) / chord.norm_squared()).clamp(0.0, 1.0);
+            let fraction = (offset.dot(&chord) / (width * width)).clamp(0.0, 1.0);
             let distance = (offset - chord * fraction).norm_squared();
             if distance < best {
                 best = distance;
-                along = self.knots[span] + fraction * (self.knots[span + 1] - self.knots[span]);
+                along = self.knots[span] + fraction * width;
             }
         }
+        (along, best)
+    }
+
+    /// Gauss-Newton on the squared distance to the axis.
+    fn nearest(&self, point: Vec3, start: f64) -> f64 {
         let end = self.knots[self.knots.len() - 1];
+        let mut along = start;
         for _ in 0..3 {
-            let (centre, direction, _) = self.at(along);
+            let (centre, direction) = self.axis(along);
             let step = (point - centre).dot(&direction) / direction.norm_squared();
             along = (along + step).clamp(0.0, end);
+            if step.abs() < 1e-7 {
+                break;
+            }
         }
         along
     }
 
-    /// The axis, its derivative and the three radii at a chord length.
-    fn at(&self, along: f64) -> (Vec3, Vec3, [f64; 3]) {
+    /// The span that holds a chord length, its width, and the place in it from 0 to 1.
+    fn span(&self, along: f64) -> (usize, f64, f64) {
         let last_span = self.knots.len() - 2;
         let span = self.knots[1..=last_span].iter().take_while(|&&it| it <= along).count();
         let width = self.knots[span + 1] - self.knots[span];
-        let u = (along - self.knots[span]) / width;
-        let (a, b) = (&self.stations[span], &self.stations[span + 1]);
-        let ((a_axis, a_radii), (b_axis, b_radii)) = (self.slopes[span], self.slopes[span + 1]);
-        let h00 = (1.0 + 2.0 * u) * (1.0 - u) * (1.0 - u);
-        let h10 = u * (1.0 - u) * (1.0 - u) * width;
-        let h01 = u * u * (3.0 - 2.0 * u);
-        let h11 = u * u * (u - 1.0) * width;
-        let centre = h00 * a.centre + h10 * a_axis + h01 * b.centre + h11 * b_axis;
-        let direction = (6.0 * u * (1.0 - u) / width) * (b.centre - a.centre)
-            + (1.0 - u) * (1.0 - 3.0 * u) * a_axis
-            + u * (3.0 * u - 2.0) * b_axis;
-        let (from, to) = (radii(a), radii(b));
-        let radii = std::array::from_fn(|k| {
-            h00 * from[k] + h10 * a_radii[k] + h01 * to[k] + h11 * b_radii[k]
-        });
-        (centre, direction, radii)
+        (span, width, (along - self.knots[span]) / width)
     }
+
+    /// The axis and its derivative at a chord length.
+    fn axis(&self, along: f64) -> (Vec3, Vec3) {
+        let (span, width, u) = self.span(along);
+        let (a, b) = (self.stations[span].centre, self.stations[span + 1].centre);
+        let (a_slope, b_slope) = (self.slopes[span].0, self.slopes[span + 1].0);
+        let [h00, h10, h01, h11] = hermite(u, width);
+        let centre = h00 * a + h10 * a_slope + h01 * b + h11 * b_slope;
+        let direction = (6.0 * u * (1.0 - u) / width) * (b - a)
+            + (1.0 - u) * (1.0 - 3.0 * u) * a_slope
+            + u * (3.0 * u - 2.0) * b_slope;
+        (centre, direction)
+    }
+
+    /// The three radii at a chord length.
+    fn radii(&self, along: f64) -> [f64; 3] {
+        let (span, width, u) = self.span(along);
+        let (from, to) = (radii(&self.stations[span]), radii(&self.stations[span + 1]));
+        let (a_slope, b_slope) = (self.slopes[span].1, self.slopes[span + 1].1);
+        let [h00, h10, h01, h11] = hermite(u, width);
+        std::array::from_fn(|k| {
+            h00 * from[k] + h10 * a_slope[k] + h01 * to[k] + h11 * b_slope[k]
+        })
+    }
+}
+
+/// The cubic Hermite basis of values and slopes at both ends of a span.
+fn hermite(u: f64, width: f64) -> [f64; 4] {
+    [
+        (1.0 + 2.0 * u) * (1.0 - u) * (1.0 - u),
+        u * (1.0 - u) * (1.0 - u) * width,
+        u * u * (3.0 - 2.0 * u),
+        u * u * (u - 1.0) * width,
+    ]
 }
 
 fn radii(station: &Station) -> [f64; 3] {

@@ -1,5 +1,7 @@
 //! From an implicit surface to a mesh of a wanted size and style.
 
+use rayon::prelude::*;
+
 use super::{SynthesizeError, SynthesizeOptions, surface::Surface};
 use crate::kernels::{
     isosurface::{Grid, isosurface},
@@ -36,8 +38,11 @@ pub fn mesh(surface: &Surface, options: &SynthesizeOptions) -> Result<TriMesh, S
     let size = sizes(surface, options.connectivity, &mut random);
     let rounds = if n_vertices > 50_000 { 3 } else { 5 };
     let options = RemeshOptions { n_vertices, rounds };
-    let mesh = remesh(&rough, &options, &size, &|it| surface.project(it))
+    let mesh = remesh(&rough, &options, &size, &|it| surface.approach(it))
         .expect("the polygonized surface is closed and manifold");
+    let exact = |it: &Vec3| surface.approach(surface.approach(*it));
+    let exact = mesh.vertices().par_iter().map(exact).collect();
+    let mesh = mesh.with_vertices(exact).expect("the surface is finite");
     Ok(shuffled(&mesh, &mut random))
 }
 

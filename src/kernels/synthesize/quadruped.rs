@@ -129,7 +129,7 @@ impl Frame<'_> {
             aim("foot_right", hoof(-1.0, -0.54), Vec3::z()),
             aim("chest_front", self.at(0.0, 1.16, 0.45), Vec3::z()),
             aim("chest_back", self.at(0.0, 1.22, 0.32), Vec3::y()),
-            aim("nose", self.head(0.36, 0.0, 0.0), self.head_direction()),
+            aim("nose", self.head(0.32, -0.006, 0.0), self.head_direction()),
             aim("tail_tip", self.tail(0.95), self.tail(1.0) - self.tail(0.9)),
         ]
     }
@@ -139,14 +139,14 @@ impl Frame<'_> {
         let (hips, shoulders) = (self.p.hips, self.p.shoulders);
         let belly = self.p.waist;
         let rows = [
-            (-0.66, 1.210, 0.110 * hips, 0.110, 0.140),
-            (-0.54, 1.210, 0.185 * hips, 0.170, 0.180),
-            (-0.38, 1.210, 0.205 * hips, 0.180, 0.200),
-            (-0.10, 1.190, 0.195 * belly, 0.165, 0.205 * belly),
-            (0.15, 1.180, 0.205, 0.180, 0.240),
-            (0.34, 1.190, 0.180 * shoulders, 0.220, 0.245),
-            (0.49, 1.190, 0.145 * shoulders, 0.170, 0.205),
-            (0.58, 1.180, 0.100 * shoulders, 0.110, 0.140),
+            (-0.66, 1.200, 0.120 * hips, 0.115, 0.150),
+            (-0.54, 1.200, 0.195 * hips, 0.180, 0.190),
+            (-0.38, 1.200, 0.215 * hips, 0.190, 0.215),
+            (-0.10, 1.180, 0.215 * belly, 0.175, 0.240 * belly),
+            (0.15, 1.170, 0.222, 0.190, 0.265),
+            (0.34, 1.180, 0.195 * shoulders, 0.232, 0.260),
+            (0.49, 1.185, 0.155 * shoulders, 0.180, 0.215),
+            (0.58, 1.180, 0.105 * shoulders, 0.115, 0.150),
         ];
         let station = |&(z, y, side, up, down): &(f64, f64, f64, f64, f64)| Station {
             centre: self.at(0.0, y, z),
@@ -180,12 +180,12 @@ impl Frame<'_> {
         let size = self.scale * self.p.head;
         // Along, towards the forehead, side, forehead, jaw.
         let rows = [
-            (-0.02, 0.000, 0.062, 0.060, 0.075),
-            (0.10, 0.000, 0.072, 0.066, 0.100),
-            (0.20, 0.000, 0.062, 0.060, 0.084),
-            (0.32, 0.000, 0.045, 0.048, 0.054),
-            (0.42, -0.004, 0.044, 0.044, 0.046),
-            (0.47, -0.006, 0.040, 0.040, 0.042),
+            (-0.01, 0.000, 0.064, 0.062, 0.085),
+            (0.09, 0.002, 0.078, 0.068, 0.115),
+            (0.18, 0.000, 0.068, 0.064, 0.100),
+            (0.28, -0.004, 0.052, 0.054, 0.066),
+            (0.36, -0.008, 0.051, 0.050, 0.056),
+            (0.41, -0.010, 0.050, 0.047, 0.054),
         ];
         let station = |&(along, up, side, forehead, jaw): &(f64, f64, f64, f64, f64)| Station {
             centre: self.head(along, up, 0.0),
@@ -196,7 +196,7 @@ impl Frame<'_> {
         let skull = Loft::new(
             rows.iter().map(station).collect(),
             Vec3::new(0.0, 1.0, 1.0),
-            [size * 0.04, size * 0.035],
+            [size * 0.04, size * 0.042],
         );
         let s = self.scale;
         let neck_bones =

@@ -60,13 +60,17 @@ impl Surface {
         -smooth_min(depth - core, point.y, SOLE)
     }
 
-    /// The gradient by differences along the corners of a tetrahedron.
-    pub fn gradient(&self, point: Vec3) -> Vec3 {
+    /// Value and gradient by differences along the corners of a tetrahedron.
+    fn value_and_gradient(&self, point: Vec3) -> (f64, Vec3) {
         const STEP: f64 = 1e-4;
         let corners = [[1.0, -1.0, -1.0], [-1.0, -1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, 1.0, 1.0]];
-        let sum: Vec3 =
-            corners.map(Vec3::from).map(|it| it * self.value(point + STEP * it)).iter().sum();
-        sum / (4.0 * STEP)
+        let (mut value, mut gradient) = (0.0, Vec3::zeros());
+        for corner in corners.map(Vec3::from) {
+            let at_corner = self.value(point + STEP * corner);
+            value += at_corner / 4.0;
+            gradient += corner * (at_corner / (4.0 * STEP));
+        }
+        (value, gradient)
     }
 
     /// The radius of the parts at a point on the surface, smoothed over where they meet.
@@ -91,14 +95,10 @@ impl Surface {
         (low.add_scalar(-0.05), high.add_scalar(0.05))
     }
 
-    /// Leads a point near the surface onto it by two steps of Newton's method.
-    pub fn project(&self, point: Vec3) -> Vec3 {
-        let mut res = point;
-        for _ in 0..2 {
-            let gradient = self.gradient(res);
-            res -= gradient * (self.value(res) / gradient.norm_squared().max(0.25));
-        }
-        res
+    /// Leads a point near the surface closer to it by a step of Newton's method.
+    pub fn approach(&self, point: Vec3) -> Vec3 {
+        let (value, gradient) = self.value_and_gradient(point);
+        point - gradient * (value / gradient.norm_squared().max(0.25))
     }
 
     /// Where a ray from inside first leaves the body, to a tenth of a micrometre.
@@ -138,9 +138,7 @@ impl Part {
 fn union(parts: &[Part], point: Vec3, needed: f64) -> f64 {
     let mut res = f64::INFINITY;
     for part in parts {
-        let bound = part.loft.distance_bound(point);
-        let value =
-            if bound > res.min(needed) + part.blend { bound } else { part.sample(point).distance };
+        let value = part.loft.distance_within(point, res.min(needed) + part.blend);
         res = smooth_min(res, value, part.blend);
     }
     res

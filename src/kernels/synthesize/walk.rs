@@ -55,7 +55,7 @@ pub fn biped_pose(skeleton: &Skeleton, phase: f64) -> Pose<'_> {
     let leg_length = at("left_up_leg").y - at("left_foot").y;
     let wave = (TAU * phase).cos();
     // Lowest while both feet are on the ground, highest in the middle of each step.
-    let bob = -0.035 + 0.02 * (2.0 * TAU * (phase - 0.3)).cos();
+    let bob = -0.014 + 0.012 * (2.0 * TAU * (phase - 0.3)).cos();
     pose.shift(Vec3::y() * bob * leg_length);
     let yaw = -0.09 * wave;
     pose.turn("hips", Vec3::y(), yaw);
@@ -90,7 +90,7 @@ fn step_biped(pose: &mut Pose<'_>, skeleton: &Skeleton, side: &str, phase: f64, 
         heel: Plane::new(-ankle.x, -0.35 * (toe.y - ankle.y)),
         ball: Plane::new(-ankle.x, toe.y - ankle.y),
         stance: 0.6,
-        travel: 0.72 * leg_length,
+        travel: 0.66 * leg_length,
         lift: 0.045 * leg_length,
         pitches: &FOOT_PITCHES,
     };
