@@ -20,9 +20,9 @@ use std::{
 };
 
 use sinew::engine::{
-    events::Silent,
     node::Surroundings,
     pipeline::{self, Settings},
+    record::{self, RECORD_VERSION, Recorder, RunStart},
     run::{self, RunOptions},
     store::{Access, Store},
     toy::TOY,
@@ -55,9 +55,23 @@ fn child(folder: &Path) {
         output_dir: folder.to_owned(),
         run_id: "bench".to_owned(),
     };
-    let report = run::run(&graph, &TOY, &store, &options, &mut Silent);
+    let start = RunStart {
+        v: RECORD_VERSION,
+        run: record::new_run_id(),
+        time: String::new(),
+        version: String::new(),
+        title: None,
+        args: Vec::new(),
+        folder: folder.to_owned(),
+        host: String::new(),
+        threads: options.threads,
+        sources: Vec::new(),
+    };
+    let mut recorder = Recorder::start(store.dir(), &start);
+    let report = run::run(&graph, &TOY, &store, &options, &mut recorder);
     assert!(report.succeeded());
     print!("{}", report.counts().ran);
+    recorder.done(&report);
 }
 
 fn bench(n: usize) {

@@ -55,6 +55,8 @@ struct Segment {
     file: File,
     /// The end of the last whole record that was seen.
     end: u64,
+    /// The segment up to where it was scanned last; what was appended since is read from the file.
+    map: Option<Mmap>,
 }
 
 /// All segments of a store.
@@ -95,7 +97,7 @@ impl Log {
         for path in paths {
             if !self.segments.iter().any(|it| it.path == path) {
                 let file = File::open(&path).map_err(StoreError::new("read", &path))?;
-                self.segments.push(Segment { path, file, end: 0 });
+                self.segments.push(Segment { path, file, end: 0, map: None });
             }
         }
         for segment in 0..self.segments.len() {
@@ -132,6 +134,7 @@ impl Log {
                 self.index.insert((kind, digest), place);
             }
         }
+        segment.map = Some(map);
         Ok(())
     }
 
@@ -158,9 +161,16 @@ impl Log {
     /// The payload of the newest record, if it is whole.
     pub fn get(&self, kind: RecordKind, digest: &Digest) -> Option<Vec<u8>> {
         let place = self.index.get(&(kind, *digest))?;
-        let mut payload = vec![0; place.length as usize];
         let segment = &self.segments[place.segment as usize];
-        segment.file.read_exact_at(&mut payload, place.offset).ok()?;
+        let range = place.offset as usize..place.offset as usize + place.length as usize;
+        let payload = match segment.map.as_ref().and_then(|it| it.get(range)) {
+            Some(mapped) => mapped.to_vec(),
+            None => {
+                let mut payload = vec![0; place.length as usize];
+                segment.file.read_exact_at(&mut payload, place.offset).ok()?;
+                payload
+            }
+        };
         (check_of(&payload) == place.check).then_some(payload)
     }
 
@@ -229,7 +239,7 @@ impl Log {
             file.keep().map_err(|e| StoreError::new("keep", &self.dir)(e.error))?;
         file.try_lock().map_err(|e| StoreError::new("lock", &path)(e.into()))?;
         file.write_all(MAGIC).map_err(StoreError::new("write", &path))?;
-        self.segments.push(Segment { path, file, end: MAGIC.len() as u64 });
+        self.segments.push(Segment { path, file, end: MAGIC.len() as u64, map: None });
         self.own = Some(self.segments.len() - 1);
         Ok(self.segments.len() - 1)
     }
