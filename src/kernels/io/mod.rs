@@ -17,6 +17,8 @@ pub mod read;
 pub mod stl;
 
 #[cfg(test)]
+mod corpus_tests;
+#[cfg(test)]
 mod garbage;
 
 pub use error::ReadError;
