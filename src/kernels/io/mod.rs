@@ -1,3 +1,24 @@
-//! Files of other programs, to and from bytes.
+//! File formats in and out, on byte strings: one file a format.
+//!
+//! Readers take the bytes of a file and return checked data or a [`ReadError`] with the facts; no
+//! input makes them panic. Writers return bytes, the same for the same value. Nothing here opens
+//! a file; where a format refers to others (`.gltf`), the caller hands in a function that finds
+//! them.
 
+pub mod character;
+pub mod error;
+pub mod glb;
+pub mod gltf;
+pub mod obj;
+pub mod off;
+pub mod ply;
 pub mod png;
+pub mod read;
+pub mod stl;
+
+#[cfg(test)]
+mod corpus_tests;
+#[cfg(test)]
+mod garbage;
+
+pub use error::ReadError;
