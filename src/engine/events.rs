@@ -15,18 +15,34 @@ use super::{
 #[derive(Debug)]
 pub enum Event<'a> {
     /// Planning is done: how many instances are there, and how many of them are known to be stored.
-    Planned { n_wanted: usize, n_cached: usize },
-    Started { instance: NodeIndex, threads: usize, reason: &'a Reason },
-    Progress { instance: NodeIndex, fraction: Option<f64>, text: &'a str },
+    Planned {
+        n_wanted: usize,
+        n_cached: usize,
+    },
+    Started {
+        instance: NodeIndex,
+        threads: usize,
+        reason: &'a Reason,
+    },
+    Progress {
+        instance: NodeIndex,
+        fraction: Option<f64>,
+        text: &'a str,
+    },
     /// Another process computes the same key; its result will be used.
-    Waiting { instance: NodeIndex },
+    Waiting {
+        instance: NodeIndex,
+    },
     Finished {
         instance: NodeIndex,
         outcome: &'a Outcome,
         key: Option<Digest>,
         outputs: Option<&'a Outputs>,
     },
-    Exported { rule: usize, outcome: &'a ExportOutcome },
+    Exported {
+        rule: usize,
+        outcome: &'a ExportOutcome,
+    },
 }
 
 /// How it ended for one instance.
@@ -40,10 +56,19 @@ pub enum Outcome {
     CutOff,
     /// Another instance of this run, or another process, computed the same key.
     Shared,
-    Ran { wall: Duration, reason: Reason, notes: Vec<String> },
-    Failed { failure: Failure, wall: Duration },
+    Ran {
+        wall: Duration,
+        reason: Reason,
+        notes: Vec<String>,
+    },
+    Failed {
+        failure: Failure,
+        wall: Duration,
+    },
     /// Something that it depends on failed.
-    Skipped { because: NodeIndex },
+    Skipped {
+        because: NodeIndex,
+    },
     /// The run was stopped before its turn came.
     NotReached,
 }
@@ -70,9 +95,13 @@ impl Failure {
 /// How it ended for one file of `[outputs]`.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ExportOutcome {
-    Written { bytes: u64 },
+    Written {
+        bytes: u64,
+    },
     UpToDate,
-    Failed { failure: Failure },
+    Failed {
+        failure: Failure,
+    },
     /// What it shows was not made.
     Skipped,
 }
@@ -132,9 +161,10 @@ impl RunReport {
     pub fn environment_failed(&self) -> bool {
         let is_environment = |it: &Failure| matches!(it, Failure::Environment(_));
         self.store_error.is_some()
-            || self.outcomes.iter().any(
-                |it| matches!(it, Outcome::Failed { failure, .. } if is_environment(failure)),
-            )
+            || self
+                .outcomes
+                .iter()
+                .any(|it| matches!(it, Outcome::Failed { failure, .. } if is_environment(failure)))
             || self.exports.iter().any(
                 |it| matches!(it, ExportOutcome::Failed { failure } if is_environment(failure)),
             )
@@ -142,9 +172,8 @@ impl RunReport {
 
     /// Whether a kind panicked.
     pub fn panicked(&self) -> bool {
-        let panicked = |it: &Outcome| {
-            matches!(it, Outcome::Failed { failure: Failure::Panic(_), .. })
-        };
+        let panicked =
+            |it: &Outcome| matches!(it, Outcome::Failed { failure: Failure::Panic(_), .. });
         self.outcomes.iter().any(panicked)
     }
 

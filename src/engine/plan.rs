@@ -112,8 +112,15 @@ impl Outputs {
 #[derive(Debug, Clone, PartialEq)]
 pub enum KeyError {
     /// An input needs an optional output that was left out.
-    Absent { port: &'static str, from: PortRef, why: String },
-    File { path: PathBuf, error: String },
+    Absent {
+        port: &'static str,
+        from: PortRef,
+        why: String,
+    },
+    File {
+        path: PathBuf,
+        error: String,
+    },
 }
 
 impl KeyError {
@@ -213,10 +220,17 @@ impl std::fmt::Display for Reason {
 /// What would happen to one instance.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Status {
-    Cached { key: Digest },
-    Run { key: Digest, reason: Reason },
+    Cached {
+        key: Digest,
+    },
+    Run {
+        key: Digest,
+        reason: Reason,
+    },
     /// It depends on what `after` gives; if that is what it gave before, this need not run.
-    Follows { after: NodeIndex },
+    Follows {
+        after: NodeIndex,
+    },
     /// It cannot run.
     Blocked(KeyError),
     /// Nothing that is wanted needs it.
@@ -305,7 +319,8 @@ fn plan_evicted(
         if let Status::Cached { key } = statuses[index.index()] {
             let known = outputs[index.index()].as_ref().expect("cached outputs are known");
             let lost = known.artifacts.iter().find(|(port, info)| {
-                needed.contains(&PortRef { instance: index, port }) && !memory.has_object(&info.digest)
+                needed.contains(&PortRef { instance: index, port })
+                    && !memory.has_object(&info.digest)
             });
             let Some((port, _)) = lost else { continue };
             statuses[index.index()] = Status::Run { key, reason: Reason::Evicted { port } };

@@ -115,9 +115,14 @@ impl Liner {
             }
             Event::Waiting { instance } => Line::NodeWaiting { t, node: id(instance) },
             Event::Finished { outcome: Outcome::NotWanted, .. } => return None,
-            Event::Finished { instance, outcome, key, outputs } => {
-                Line::NodeDone(self.node_done(graph, &id(instance), outcome, key, outputs, instance))
-            }
+            Event::Finished { instance, outcome, key, outputs } => Line::NodeDone(self.node_done(
+                graph,
+                &id(instance),
+                outcome,
+                key,
+                outputs,
+                instance,
+            )),
             Event::Exported { rule, outcome } => {
                 let path = graph.outputs[rule].path.clone();
                 let (status, bytes, message) = match outcome {
@@ -259,7 +264,10 @@ impl Record {
             |e: serde_json::Error| io::Error::new(io::ErrorKind::InvalidData, e.to_string());
         let first = lines.next().transpose()?.unwrap_or_default();
         let Line::RunStart(start) = serde_json::from_str(&first).map_err(damaged)? else {
-            return Err(io::Error::new(io::ErrorKind::InvalidData, "it starts with no `run_start`"));
+            return Err(io::Error::new(
+                io::ErrorKind::InvalidData,
+                "it starts with no `run_start`",
+            ));
         };
         let mut res = Self { start, lines: Vec::new() };
         for line in lines {
@@ -283,8 +291,10 @@ impl Record {
 /// The paths of all records in a store's folder, newest first.
 pub fn list(store: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(store.join("runs")).into_iter().flatten().flatten();
-    let mut paths: Vec<PathBuf> =
-        entries.map(|it| it.path()).filter(|it| it.extension().is_some_and(|e| e == "jsonl")).collect();
+    let mut paths: Vec<PathBuf> = entries
+        .map(|it| it.path())
+        .filter(|it| it.extension().is_some_and(|e| e == "jsonl"))
+        .collect();
     paths.sort();
     paths.reverse();
     paths

@@ -6,19 +6,27 @@
 //! does not depend on the number of threads: same input, same bytes.
 
 pub mod basis;
+pub mod cholesky;
 pub mod clip;
+pub mod descriptors;
+pub mod exact_regressor;
 pub mod files;
+pub mod fmap;
 pub mod functional_map;
 pub mod image;
 pub mod landmarks;
 pub mod laplacian;
 pub mod mesh;
+pub mod nearest;
 pub mod operator;
 pub mod random;
 pub mod regressor;
 pub mod shapes;
 pub mod skeleton;
+pub mod skeleton_transfer;
 pub mod sparse;
 pub mod table;
 pub mod tall;
+pub mod transfer_weights;
 pub mod weights;
+pub mod zoomout;

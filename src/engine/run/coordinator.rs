@@ -132,8 +132,16 @@ impl<'a> Coordinator<'a> {
         self.remember();
         let outcome = |it: &mut super::slots::Slot| it.outcome.take();
         RunReport {
-            outcomes: self.slots.iter_mut().map(|it| outcome(it).unwrap_or(Outcome::NotReached)).collect(),
-            exports: self.exports.into_iter().map(|it| it.unwrap_or(ExportOutcome::Skipped)).collect(),
+            outcomes: self
+                .slots
+                .iter_mut()
+                .map(|it| outcome(it).unwrap_or(Outcome::NotReached))
+                .collect(),
+            exports: self
+                .exports
+                .into_iter()
+                .map(|it| it.unwrap_or(ExportOutcome::Skipped))
+                .collect(),
             wall: start.elapsed(),
             store_error: self.store_error,
         }
@@ -287,8 +295,13 @@ impl<'a> Coordinator<'a> {
 
     fn queue(&mut self, index: NodeIndex) {
         if self.priorities.is_empty() {
-            let micros: Vec<u64> =
-                self.context.graph.instances.node_indices().map(|it| self.usual_micros(it)).collect();
+            let micros: Vec<u64> = self
+                .context
+                .graph
+                .instances
+                .node_indices()
+                .map(|it| self.usual_micros(it))
+                .collect();
             self.priorities = remaining_paths(self.context.graph, &self.order, &micros);
         }
         self.slots[index].work = Work::Ready;
@@ -410,7 +423,8 @@ impl<'a> Coordinator<'a> {
             tracing::warn!(%error, "cannot see what other processes store");
             return false;
         }
-        let wanted_again = matches!(self.slots[index].reason, Reason::Evicted { .. } | Reason::Forced);
+        let wanted_again =
+            matches!(self.slots[index].reason, Reason::Evicted { .. } | Reason::Forced);
         let Some(outputs) = self.stored_outputs(index, key).filter(|_| !wanted_again) else {
             return false;
         };

@@ -38,8 +38,13 @@ pub fn write(library: &Library, artifact: &AnyArtifact, path: &Path) -> Result<u
 ///
 /// # Errors
 /// If the artifact cannot be written in this format, with the ones that it can.
-pub fn encode(library: &Library, artifact: &AnyArtifact, extension: &str) -> Result<Vec<u8>, String> {
-    if let Some(common) = library.common_formats.iter().find(|it| it.format.extension == extension) {
+pub fn encode(
+    library: &Library,
+    artifact: &AnyArtifact,
+    extension: &str,
+) -> Result<Vec<u8>, String> {
+    if let Some(common) = library.common_formats.iter().find(|it| it.format.extension == extension)
+    {
         let bytes = artifact.to_bytes();
         let decoder = Decoder::new(&bytes).map_err(|e| e.to_string())?;
         return (common.write)(&bytes, &decoder).map_err(|e| e.to_string());

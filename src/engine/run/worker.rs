@@ -33,7 +33,11 @@ pub enum Job {
         /// The pool to run in; `None` for the worker's own thread.
         pool: Option<Arc<ThreadPool>>,
     },
-    Export { rule: usize, value: Value, path: PathBuf },
+    Export {
+        rule: usize,
+        value: Value,
+        path: PathBuf,
+    },
 }
 
 /// An artifact in memory or in the store.
@@ -45,11 +49,20 @@ pub enum Value {
 
 /// How a job ended.
 pub enum JobResult {
-    Ran { outputs: NodeOutputs, wall: Duration },
-    Failed { failure: Failure, wall: Duration },
+    Ran {
+        outputs: NodeOutputs,
+        wall: Duration,
+    },
+    Failed {
+        failure: Failure,
+        wall: Duration,
+    },
     Exported(ExportOutcome),
     /// A stored artifact is gone or damaged; it has to be made again first.
-    Lost { from: PortRef, error: ObjectError },
+    Lost {
+        from: PortRef,
+        error: ObjectError,
+    },
 }
 
 /// What all workers share.
@@ -116,8 +129,7 @@ fn run_node(
     let surroundings = &context.options.surroundings;
     let spec = &instance.kind.spec;
     let run = || {
-        let mut io =
-            NodeIo::new(spec, artifacts, instance.files.clone(), surroundings, &progress);
+        let mut io = NodeIo::new(spec, artifacts, instance.files.clone(), surroundings, &progress);
         instance.node.run(&mut io)?;
         Ok(io.finish())
     };
@@ -136,11 +148,7 @@ fn run_node(
     (loaded, result)
 }
 
-fn run_export(
-    context: &Context<'_>,
-    value: Value,
-    path: &std::path::Path,
-) -> (Loaded, JobResult) {
+fn run_export(context: &Context<'_>, value: Value, path: &std::path::Path) -> (Loaded, JobResult) {
     let mut loaded = Vec::new();
     let artifact = match load(context, value, &mut loaded) {
         Ok(artifact) => artifact,
@@ -167,10 +175,8 @@ fn load(
     if let Some((_, artifact)) = loaded.iter().find(|it| it.1.digest() == digest) {
         return Ok(artifact.clone());
     }
-    let bytes = context
-        .store
-        .object(ty, &digest)
-        .map_err(|error| JobResult::Lost { from, error })?;
+    let bytes =
+        context.store.object(ty, &digest).map_err(|error| JobResult::Lost { from, error })?;
     let kind = context.library.artifact_kind(ty.name).expect("a checked pipeline has known types");
     match kind.decode(&bytes, Some(digest)) {
         Ok(artifact) => {

@@ -199,9 +199,7 @@ pub fn verify(dir: &Path, library: &Library) -> Result<VerifyReport, GcError> {
         }
     }
     if !damaged_small.is_empty() {
-        log.rewrite(|kind, digest| {
-            kind != RecordKind::Object || !damaged_small.contains(digest)
-        })?;
+        log.rewrite(|kind, digest| kind != RecordKind::Object || !damaged_small.contains(digest))?;
     }
     Ok(report)
 }

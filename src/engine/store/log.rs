@@ -176,10 +176,7 @@ impl Log {
     }
 
     /// Appends records with one write; either all of them or none.
-    pub fn append(
-        &mut self,
-        records: &[(RecordKind, Digest, Vec<u8>)],
-    ) -> Result<(), StoreError> {
+    pub fn append(&mut self, records: &[(RecordKind, Digest, Vec<u8>)]) -> Result<(), StoreError> {
         if records.is_empty() {
             return Ok(());
         }
@@ -239,7 +236,8 @@ impl Log {
             .suffix(".log")
             .tempfile_in(&self.dir)
             .map_err(StoreError::new("make a file in", &self.dir))?;
-        let (mut file, path) = file.keep().map_err(|e| StoreError::new("keep", &self.dir)(e.error))?;
+        let (mut file, path) =
+            file.keep().map_err(|e| StoreError::new("keep", &self.dir)(e.error))?;
         file.try_lock().map_err(|e| StoreError::new("lock", &path)(e.into()))?;
         file.write_all(MAGIC).map_err(StoreError::new("write", &path))?;
         self.segments.push(Segment { path, file, end: MAGIC.len() as u64 });
