@@ -66,8 +66,6 @@ pub enum DescriptorError {
     Disconnected { index: usize },
     #[error("landmark `{name}` is vertex {vertex}, but the basis belongs to {n_vertices} vertices")]
     LandmarkOutOfRange { name: String, vertex: u32, n_vertices: usize },
-    #[error("there are {names} landmark names for {vertices} vertices")]
-    LandmarkCounts { names: usize, vertices: usize },
     #[error("no function is left: every family is off, or the landmarks are missing")]
     Empty,
 }
@@ -268,4 +266,97 @@ fn normalize(values: &mut Mat<f64>, column: usize, basis: &Basis) {
     let norm = squares.sum::<f64>().sqrt();
     let factor = if norm < VANISHING { 0.0 } else { 1.0 / norm };
     column.iter_mut().for_each(|it| *it *= factor);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernels::test_shapes::{LANDMARKS, basis_of, creature, landmarks, permuted};
+
+    const ALL: DescriptorOptions = DescriptorOptions {
+        n_samples: 40,
+        keep_every: 4,
+        variance: 7.0,
+        wave_signature: true,
+        wave_landmarks: true,
+        heat_signature: true,
+        heat_landmarks: true,
+        heat_times: [0.005, 0.2],
+    };
+
+    #[test]
+    fn the_defaults_are_those_of_the_paper() {
+        let basis = basis_of(&creature(0.0), 30);
+        let seven: Vec<u32> = (0..7).collect();
+        let found = descriptors(&basis, &landmarks(&seven), &DescriptorOptions::default()).unwrap();
+        assert_eq!(found.count(), 160);
+        assert_eq!(found.names[..2], ["wks 0", "wks 10"]);
+        assert_eq!(found.names[159], "wkm l6 190");
+    }
+
+    #[test]
+    fn scaling_changes_nothing() {
+        let mesh = creature(0.0);
+        let reference = descriptors(&basis_of(&mesh, 30), &landmarks(&LANDMARKS), &ALL).unwrap();
+        for scale in [1e-4, 250.0] {
+            let scaled = mesh.vertices().iter().map(|it| it * scale).collect();
+            let basis = basis_of(&mesh.with_vertices(scaled).unwrap(), 30);
+            let found = descriptors(&basis, &landmarks(&LANDMARKS), &ALL).unwrap();
+            let error = (&found.values - &reference.values).norm_max();
+            assert!(error < 1e-7, "{error:e} at {scale}");
+        }
+    }
+
+    #[test]
+    fn renumbering_renumbers_the_values() {
+        let (mesh, k) = (creature(0.0), 30);
+        let (renumbered, order) = permuted(&mesh);
+        let moved = LANDMARKS.map(|it| order[it as usize]);
+        let a = descriptors(&basis_of(&mesh, k), &landmarks(&LANDMARKS), &ALL).unwrap();
+        let b = descriptors(&basis_of(&renumbered, k), &landmarks(&moved), &ALL).unwrap();
+        for (old, &new) in order.iter().enumerate() {
+            let error = (a.values.row(old) - b.values.row(new as usize)).norm_max();
+            assert!(error < 1e-7, "vertex {old}: {error:e}");
+        }
+    }
+
+    #[test]
+    fn every_function_has_unit_norm() {
+        let basis = basis_of(&creature(0.0), 30);
+        let found = descriptors(&basis, &landmarks(&LANDMARKS), &ALL).unwrap();
+        for column in 0..found.count() {
+            let values = found.values.col_as_slice(column);
+            let squares: f64 = values.iter().zip(&basis.mass).map(|(f, m)| f * f * m).sum();
+            assert!((squares / basis.area() - 1.0).abs() < 1e-12, "{}", found.names[column]);
+        }
+    }
+
+    /// The heat kernel of a short time is largest at its source.
+    #[test]
+    fn heat_maps_are_hot_at_their_landmarks() {
+        let basis = basis_of(&creature(0.0), 30);
+        let options = DescriptorOptions {
+            wave_signature: false,
+            wave_landmarks: false,
+            heat_signature: false,
+            keep_every: 40,
+            heat_times: [0.05, 0.2],
+            ..ALL
+        };
+        let found = descriptors(&basis, &landmarks(&[0]), &options).unwrap();
+        let values = found.values.col_as_slice(0);
+        assert!(values.iter().all(|&it| it <= values[0]));
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        let basis = basis_of(&creature(0.0), 30);
+        let check = |vertices: &[u32], options: &DescriptorOptions, expected: &str| {
+            let error = descriptors(&basis, &landmarks(vertices), options).unwrap_err();
+            assert_eq!(error.to_string(), expected);
+        };
+        check(&[9000], &ALL, "landmark `l0` is vertex 9000, but the basis belongs to 362 vertices");
+        let none = DescriptorOptions { wave_signature: false, heat_signature: false, ..ALL };
+        check(&[], &none, "no function is left: every family is off, or the landmarks are missing");
+    }
 }

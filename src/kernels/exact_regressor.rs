@@ -1,6 +1,6 @@
 //! Joint regressors of a rigged mesh, in closed form.
 
-use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
+use nalgebra::{Matrix3, Matrix4, Vector4};
 
 use super::{
     mesh::{TriMesh, Vec3},
@@ -206,8 +206,7 @@ impl<'a> Rig<'a> {
 
     /// The vertices that one of two joints moves.
     fn either(&self, a: usize, b: usize) -> Vec<u32> {
-        let mut res: Vec<u32> =
-            self.moved[a].iter().chain(&self.moved[b]).map(|it| it.0).collect();
+        let mut res: Vec<u32> = self.moved[a].iter().chain(&self.moved[b]).map(|it| it.0).collect();
         res.sort_unstable();
         res.dedup();
         res
@@ -297,9 +296,7 @@ pub fn ridge_row(
     energy: &RowEnergy,
 ) -> Vec<f64> {
     assert!(energy.ridge > 0.0, "a positive ridge");
-    let inverse = |it: usize| {
-        1.0 / (energy.ridge + if in_mask(it) { 0.0 } else { energy.outside })
-    };
+    let inverse = |it: usize| 1.0 / (energy.ridge + if in_mask(it) { 0.0 } else { energy.outside });
     let lift = |it: &Vec3| Vector4::new(it.x, it.y, it.z, 1.0);
     let reconstruction = 1.0 / energy.reconstruction;
     let mut system = Matrix4::from_diagonal(&Vector4::new(
@@ -312,8 +309,10 @@ pub fn ridge_row(
         system += lift(position) * lift(position).transpose() * inverse(vertex);
     }
     let right = lift(&joint);
-    let solution = system.cholesky().expect("a sum of squares and a positive diagonal").solve(&right);
-    let entry = |(vertex, position): (usize, &Vec3)| lift(position).dot(&solution) * inverse(vertex);
+    let solution =
+        system.cholesky().expect("a sum of squares and a positive diagonal").solve(&right);
+    let entry =
+        |(vertex, position): (usize, &Vec3)| lift(position).dot(&solution) * inverse(vertex);
     vertices.iter().enumerate().map(entry).collect()
 }
 
@@ -326,7 +325,7 @@ mod tests {
     fn rig(joint: Vec3) -> (TriMesh, Skeleton, SkinWeights) {
         let mesh = bumpy_sphere(6);
         let names = vec!["hip".to_owned(), "chest".to_owned()];
-        let positions = vec![Vector3::new(0.0, 0.0, -0.5), joint];
+        let positions = vec![Vec3::new(0.0, 0.0, -0.5), joint];
         let skeleton = Skeleton::new(names, vec![None, Some(0)], positions).unwrap();
         let weight = |z: f64| (0.5 + z).clamp(0.0, 1.0);
         let rows: Vec<_> = mesh

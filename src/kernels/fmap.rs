@@ -259,3 +259,137 @@ fn spectral_gaps(source: &[f64], target: &[f64]) -> Mat<f64> {
     // A single eigenvalue, zero on both sides, has no gap at all.
     gaps * faer::Scale(1.0 / sum.max(f64::MIN_POSITIVE))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernels::{
+        descriptors::{DescriptorOptions, descriptors},
+        test_shapes::{LANDMARKS, basis_of, creature, landmarks, permuted},
+    };
+
+    fn described(basis: &Basis, vertices: &[u32]) -> Descriptors {
+        descriptors(basis, &landmarks(vertices), &DescriptorOptions::default()).unwrap()
+    }
+
+    /// Test 12 of the specification: the minimum has no gradient, and Adam ends above it.
+    #[test]
+    fn the_exact_minimum_has_no_gradient_and_beats_adam() {
+        let options = FitOptions { k: 10, ..FitOptions::default() };
+        let (source, target) = (basis_of(&creature(0.0), 30), basis_of(&creature(0.3), 30));
+        let (g, f) = (described(&source, &LANDMARKS), described(&target, &LANDMARKS));
+        let map = fit_functional_map((&source, &g), (&target, &f), &options).unwrap();
+        let kept: Vec<usize> = (0..g.count()).collect();
+        let energy = Energy::new(
+            &Side::new((&source, &g), &kept, 10),
+            &Side::new((&target, &f), &kept, 10),
+            &options,
+        );
+        let map = map.source_from_target;
+        let gradient = energy.gradient(&map);
+        assert!(gradient.subcols(1, 9).norm_max() < 1e-9, "{gradient:?}");
+        let value = |map: &Mat<f64>| {
+            let gradient = energy.gradient(map);
+            (0..100)
+                .map(|it| {
+                    let (i, j) = (it / 10, it % 10);
+                    0.5 * map[(i, j)] * (gradient[(i, j)] - energy.linear[it])
+                })
+                .sum::<f64>()
+        };
+        assert!(value(&map) <= value(&adam(&energy, 300)) + 1e-12);
+    }
+
+    /// The paper's optimizer, from zero.
+    fn adam(energy: &Energy, n_steps: i32) -> Mat<f64> {
+        let k = energy.k;
+        let mut map = Mat::zeros(k, k);
+        map[(0, 0)] = energy.constant;
+        let (mut mean, mut square) = (Mat::<f64>::zeros(k, k), Mat::<f64>::zeros(k, k));
+        for step in 1..=n_steps {
+            let gradient = energy.gradient(&map);
+            for (i, j) in (0..k).flat_map(|i| (1..k).map(move |j| (i, j))) {
+                let slope: f64 = gradient[(i, j)];
+                mean[(i, j)] += 0.1 * (slope - mean[(i, j)]);
+                square[(i, j)] += 0.001 * (slope * slope - square[(i, j)]);
+                let unbiased = mean[(i, j)] / (1.0 - 0.9f64.powi(step));
+                let deviation = (square[(i, j)] / (1.0 - 0.999f64.powi(step))).sqrt();
+                map[(i, j)] -= 0.1 * unbiased / (deviation + 1e-7);
+            }
+        }
+        map
+    }
+
+    /// The energy by its definition, without the assembled system.
+    #[test]
+    fn the_assembled_gradient_is_that_of_the_definition() {
+        let k = 6;
+        let options = FitOptions { k, laplacian: 0.7, ..FitOptions::default() };
+        let (source, target) = (basis_of(&creature(0.0), 20), basis_of(&creature(0.3), 20));
+        let (g, f) = (described(&source, &LANDMARKS), described(&target, &LANDMARKS));
+        let kept: Vec<usize> = (0..g.count()).collect();
+        let (m, n) = (Side::new((&source, &g), &kept, k), Side::new((&target, &f), &kept, k));
+        let energy = Energy::new(&m, &n, &options);
+        let map = Mat::from_fn(k, k, |i, j| ((i * 5 + j * 3) % 7) as f64 / 7.0 - 0.4);
+        let unpack = |side: &Side, i: usize| {
+            Mat::from_fn(k, k, |row, column| side.multiplications[(row * k + column, i)])
+        };
+        let mut expected = (&map * &n.coefficients - &m.coefficients)
+            * n.coefficients.transpose()
+            * faer::Scale(0.1);
+        for i in 0..kept.len() {
+            let (x, y) = (unpack(&n, i), unpack(&m, i));
+            let gap = &map * &x - &y * &map;
+            expected += &gap * x.transpose() - y.transpose() * &gap;
+        }
+        let gaps = spectral_gaps(&m.eigenvalues, &n.eigenvalues);
+        expected += Mat::from_fn(k, k, |i, j| 0.7 * gaps[(i, j)] * map[(i, j)]);
+        let error = &energy.gradient(&map) - &expected;
+        assert!(error.norm_max() < 1e-9 * expected.norm_max(), "{error:?}");
+    }
+
+    /// Test 5: a shape with its vertices in another order is mapped by the identity, up to signs.
+    #[test]
+    fn a_renumbered_shape_is_mapped_by_signs() {
+        let mesh = creature(0.0);
+        let (renumbered, order) = permuted(&mesh);
+        let (source, target) = (basis_of(&mesh, 40), basis_of(&renumbered, 40));
+        let moved = LANDMARKS.map(|it| order[it as usize]);
+        let (g, f) = (described(&source, &LANDMARKS), described(&target, &moved));
+        let options = FitOptions { k: 12, ..FitOptions::default() };
+        let map = fit_functional_map((&source, &g), (&target, &f), &options).unwrap();
+        let map = map.source_from_target;
+        for (i, j) in (0..12).flat_map(|i| (0..12).map(move |j| (i, j))) {
+            let expected = if i == j { 1.0 } else { 0.0 };
+            assert!((map[(i, j)].abs() - expected).abs() < 1e-6, "{i}, {j}: {}", map[(i, j)]);
+        }
+    }
+
+    #[test]
+    fn unlike_descriptors_are_refused() {
+        let basis = basis_of(&creature(0.0), 30);
+        let all = described(&basis, &LANDMARKS);
+        let few = described(&basis, &LANDMARKS[..2]);
+        let options = FitOptions::default();
+        let check = |target: &Descriptors, k: usize, expected: &str| {
+            let options = FitOptions { k, ..options.clone() };
+            let error = fit_functional_map((&basis, &all), (&basis, target), &options).unwrap_err();
+            assert_eq!(error.to_string(), expected);
+        };
+        check(
+            &few,
+            20,
+            "the source has 120 descriptors and the target 60: use the same options and \
+             landmarks for both",
+        );
+        check(&all, 50, "50 eigenfunctions are wanted, but the source basis has 30");
+        let mut other = all.clone();
+        other.names[30] = "wkm nose 100".to_owned();
+        check(
+            &other,
+            20,
+            "descriptor 30 is `wkm l0 100` on the source and `wkm nose 100` on the target: \
+             both shapes need the same landmarks in the same order",
+        );
+    }
+}

@@ -14,6 +14,8 @@ pub mod files;
 pub mod fmap;
 pub mod functional_map;
 pub mod image;
+pub mod joint_error;
+pub mod landmark_files;
 pub mod landmarks;
 pub mod laplacian;
 pub mod mesh;
@@ -21,6 +23,7 @@ pub mod nearest;
 pub mod operator;
 pub mod random;
 pub mod regressor;
+pub mod rig_landmarks;
 pub mod shapes;
 pub mod skeleton;
 pub mod skeleton_transfer;
@@ -30,3 +33,6 @@ pub mod tall;
 pub mod transfer_weights;
 pub mod weights;
 pub mod zoomout;
+
+#[cfg(test)]
+mod test_shapes;

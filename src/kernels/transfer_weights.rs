@@ -100,3 +100,43 @@ fn heaviest(mut row: Vec<(u32, f64)>, count: usize) -> Vec<(u32, f64)> {
     }
     row
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernels::test_shapes::{basis_of, creature};
+
+    #[test]
+    fn the_identity_keeps_the_weights() {
+        let mesh = creature(0.0);
+        let basis = basis_of(&mesh, 80);
+        let rows: Vec<_> = mesh
+            .vertices()
+            .iter()
+            .map(|p| {
+                let side = (0.5 + p.z).clamp(0.0, 1.0);
+                vec![(0, 1.0 - side), (1, side)]
+            })
+            .collect();
+        let weights = SkinWeights::from_rows(2, &rows).unwrap();
+        let map = FunctionalMap { source_from_target: Mat::identity(80, 80) };
+        let run = |vertices: &[Vec3]| {
+            let options = TransferWeightsOptions::default();
+            transfer_weights((&basis, &weights), (&basis, vertices), &map, &options)
+        };
+        assert_eq!(run(mesh.vertices()).unwrap(), weights);
+        let error = run(&mesh.vertices()[1..]).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "the target basis belongs to 362 vertices, but there are 361 vertices"
+        );
+    }
+
+    #[test]
+    fn the_heaviest_joints_are_kept() {
+        let row = vec![(0, 0.1), (1, 0.3), (2, 0.1), (3, 0.2), (4, 0.3)];
+        let mut kept: Vec<u32> = heaviest(row, 4).into_iter().map(|it| it.0).collect();
+        kept.sort();
+        assert_eq!(kept, [0, 1, 3, 4]);
+    }
+}
