@@ -7,6 +7,7 @@ use faer::Mat;
 /// Pulling back: a map of points source -> target carries functions the other way. With `F(N)` the
 /// functions on the target and `F(M)` those on the source, `C: F(N) -> F(M)` takes coefficients in the
 /// target's basis to coefficients in the source's.
+/// Both bases are those of the shapes at total area one, so that no scale enters the map.
 #[derive(Debug, Clone)]
 pub struct FunctionalMap {
     /// `k_source x k_target`.

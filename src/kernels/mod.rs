@@ -6,28 +6,38 @@
 //! does not depend on the number of threads: same input, same bytes.
 
 pub mod basis;
+pub mod cholesky;
 pub mod clean;
 pub mod clip;
 pub mod corner_table;
 pub mod decimate;
+pub mod descriptors;
+pub mod exact_regressor;
 pub mod files;
 pub mod fill;
 pub mod fit_clip;
+pub mod fmap;
 pub mod functional_map;
 pub mod image;
 pub mod io;
 pub mod isosurface;
+pub mod joint_error;
+pub mod landmark_files;
 pub mod landmarks;
+pub mod laplacian;
 pub mod limit_influences;
 pub mod mesh;
+pub mod nearest;
 pub mod normalize;
 pub mod operator;
 pub mod random;
 pub mod regressor;
 pub mod remesh;
 pub mod resampled;
+pub mod rig_landmarks;
 pub mod shapes;
 pub mod skeleton;
+pub mod skeleton_transfer;
 pub mod skinning;
 pub mod snapshot;
 pub mod sparse;
@@ -35,5 +45,11 @@ pub mod stack_tables;
 pub mod subdivide;
 pub mod synthesize;
 pub mod table;
+pub mod tall;
 pub mod topology;
+pub mod transfer_weights;
 pub mod weights;
+pub mod zoomout;
+
+#[cfg(test)]
+mod test_shapes;

@@ -14,7 +14,8 @@ pub struct Regressor {
     pub matrix: CsrMatrix,
 }
 
-/// A regressor on spectral coefficients: `R^ = R Phi`, so that `J = R^ Phi^+ X`.
+/// A regressor on spectral coefficients: `R^ = R Phi`, so that `J = R^ Phi^+ X`, for the basis `Phi`
+/// of the shape at total area one (eigenfunctions times the root of the area).
 #[derive(Debug, Clone)]
 pub struct SpectralRegressor {
     pub names: Vec<String>,
