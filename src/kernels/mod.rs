@@ -17,4 +17,5 @@ pub mod regressor;
 pub mod skeleton;
 pub mod sparse;
 pub mod table;
+pub mod tall;
 pub mod weights;

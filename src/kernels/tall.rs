@@ -1,0 +1,120 @@
+//! Products of tall matrices: many rows (one a vertex), few columns.
+//!
+//! Rows are cut into chunks of a fixed size which are worked on in parallel and added up in order,
+//! so the result has the same bytes at any number of threads. The chunk of the thinner factor stays
+//! in the processor's cache meanwhile.
+
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, MatMut, MatRef, Par};
+use rayon::prelude::*;
+
+/// Rows of a chunk: eight columns of doubles are 256 KiB.
+const CHUNK: usize = 4096;
+
+/// `A^T B` for `A` of `n x p` and `B` of `n x q`: a `p x q` matrix of inner products.
+///
+/// # Panics
+/// If the numbers of rows differ.
+pub fn inner_products(a: MatRef<'_, f64>, b: MatRef<'_, f64>) -> Mat<f64> {
+    assert_eq!(a.nrows(), b.nrows(), "as many rows in both factors");
+    let n_rows = a.nrows();
+    let parts: Vec<Mat<f64>> = (0..n_rows.div_ceil(CHUNK))
+        .into_par_iter()
+        .map(|chunk| {
+            let first_row = chunk * CHUNK;
+            let height = CHUNK.min(n_rows - first_row);
+            let mut part = Mat::zeros(a.ncols(), b.ncols());
+            let (a, b) = (a.subrows(first_row, height), b.subrows(first_row, height));
+            matmul(part.as_mut(), Accum::Replace, a.transpose(), b, 1.0, Par::Seq);
+            part
+        })
+        .collect();
+    let mut sum = Mat::zeros(a.ncols(), b.ncols());
+    for part in &parts {
+        sum += part;
+    }
+    sum
+}
+
+/// `A^T diag(mass) B` for `A` of `n x p`, `n` masses and `B` of `n x q`.
+///
+/// # Panics
+/// If the numbers of rows differ.
+pub fn mass_products(a: MatRef<'_, f64>, mass: &[f64], b: MatRef<'_, f64>) -> Mat<f64> {
+    assert_eq!(mass.len(), b.nrows(), "one mass for every row");
+    let weighted = Mat::from_fn(b.nrows(), b.ncols(), |row, col| mass[row] * b[(row, col)]);
+    inner_products(a, weighted.as_ref())
+}
+
+/// `target += factor * A C` for `A` of `n x p` and a small `C` of `p x q`.
+///
+/// # Panics
+/// If the shapes do not fit.
+pub fn add_product(target: MatMut<'_, f64>, a: MatRef<'_, f64>, c: MatRef<'_, f64>, factor: f64) {
+    combine(target, Accum::Add, a, c, factor);
+}
+
+/// `A C` for `A` of `n x p` and a small `C` of `p x q`.
+///
+/// # Panics
+/// If the shapes do not fit.
+pub fn product(a: MatRef<'_, f64>, c: MatRef<'_, f64>) -> Mat<f64> {
+    let mut res = Mat::zeros(a.nrows(), c.ncols());
+    combine(res.as_mut(), Accum::Replace, a, c, 1.0);
+    res
+}
+
+/// Calls `work` with the first row and the rows of every chunk of `target`, in parallel.
+pub fn for_each_chunk(target: MatMut<'_, f64>, work: impl Fn(usize, MatMut<'_, f64>) + Sync) {
+    let mut chunks = Vec::with_capacity(target.nrows().div_ceil(CHUNK));
+    let mut rest = target;
+    let mut first_row = 0;
+    while rest.nrows() > 0 {
+        let height = CHUNK.min(rest.nrows());
+        let (chunk, below) = rest.split_at_row_mut(height);
+        chunks.push((first_row, chunk));
+        first_row += height;
+        rest = below;
+    }
+    chunks.into_par_iter().for_each(|(first_row, chunk)| work(first_row, chunk));
+}
+
+fn combine(
+    target: MatMut<'_, f64>,
+    accum: Accum,
+    a: MatRef<'_, f64>,
+    c: MatRef<'_, f64>,
+    factor: f64,
+) {
+    assert_eq!(target.nrows(), a.nrows(), "as many rows in the sum as in the product");
+    for_each_chunk(target, |first_row, chunk| {
+        let rows = a.subrows(first_row, chunk.nrows());
+        matmul(chunk, accum, rows, c, factor, Par::Seq);
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn filled(n_rows: usize, n_cols: usize) -> Mat<f64> {
+        Mat::from_fn(n_rows, n_cols, |row, col| ((row * 7 + col * 13) % 31) as f64 - 15.0)
+    }
+
+    /// Small integers add up exactly in any order, so chunked and plain products are equal.
+    #[test]
+    fn products_in_chunks_equal_plain_products() {
+        for n_rows in [1, CHUNK, 2 * CHUNK + 5] {
+            let (a, b) = (filled(n_rows, 3), filled(n_rows, 4));
+            assert_eq!(inner_products(a.as_ref(), b.as_ref()), a.transpose() * &b);
+            let mass = vec![2.0; n_rows];
+            let doubled = faer::Scale(2.0) * (a.transpose() * &b);
+            assert_eq!(mass_products(a.as_ref(), &mass, b.as_ref()), doubled);
+            let c = filled(3, 4);
+            assert_eq!(product(a.as_ref(), c.as_ref()), &a * &c);
+            let mut sum = b.clone();
+            add_product(sum.as_mut(), a.as_ref(), c.as_ref(), -1.0);
+            assert_eq!(sum, &b - &a * &c);
+        }
+    }
+}
