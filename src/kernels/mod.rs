@@ -7,6 +7,7 @@
 
 pub mod basis;
 pub mod clip;
+pub mod eigs;
 pub mod files;
 pub mod functional_map;
 pub mod image;
