@@ -1,9 +1,11 @@
 //! The kernels' types made storable: one file a type.
 
+mod basis;
 mod clip;
 mod image;
 mod landmarks;
 mod mesh;
+mod operator;
 mod rig;
 mod skeleton;
 mod table;
@@ -19,10 +21,12 @@ pub use rig::Rig;
 
 /// Every type of artifact. Keep sorted by the types' names.
 pub static ALL: &[ArtifactKind] = &[
+    ArtifactKind::of::<kernels::basis::Basis>(),
     ArtifactKind::of::<kernels::clip::Clip>(),
     ArtifactKind::of::<kernels::image::Image>(),
     ArtifactKind::of::<kernels::landmarks::Landmarks>(),
     ArtifactKind::of::<kernels::mesh::TriMesh>(),
+    ArtifactKind::of::<kernels::operator::Operator>(),
     ArtifactKind::of::<Rig>(),
     ArtifactKind::of::<kernels::skeleton::Skeleton>(),
     ArtifactKind::of::<kernels::table::Table>(),

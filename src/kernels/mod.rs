@@ -12,6 +12,7 @@ pub mod clip;
 pub mod corner_table;
 pub mod decimate;
 pub mod descriptors;
+pub mod eigs;
 pub mod exact_regressor;
 pub mod files;
 pub mod fill;

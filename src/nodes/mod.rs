@@ -4,6 +4,8 @@ use crate::engine::node::NodeKind;
 
 mod clean;
 mod decimate;
+mod eigs;
+mod laplacian;
 mod normalize;
 mod rig;
 mod snapshot;
@@ -14,6 +16,8 @@ mod table;
 pub static ALL: &[NodeKind] = &[
     NodeKind::of::<clean::Clean>(),
     NodeKind::of::<decimate::Decimate>(),
+    NodeKind::of::<eigs::Eigs>(),
+    NodeKind::of::<laplacian::Laplacian>(),
     NodeKind::of::<normalize::Normalize>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<snapshot::Snapshot>(),
