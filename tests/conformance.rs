@@ -96,9 +96,7 @@ fn run_in_process(folder: &Path, file: &Path) -> Outputs {
     let types: BTreeMap<(&str, &str), &str> = LIBRARY
         .kinds
         .iter()
-        .flat_map(|kind| {
-            kind.spec.outputs.iter().map(|it| ((kind.spec.kind, it.name), it.ty.name))
-        })
+        .flat_map(|kind| kind.spec.outputs.iter().map(|it| ((kind.spec.kind, it.name), it.ty.name)))
         .collect();
     let mut outputs = Outputs::new();
     for line in String::from_utf8(output.stdout).unwrap().lines() {
@@ -138,7 +136,8 @@ fn assert_round_trips(kind: &str, folder: &Path, outputs: &Outputs) {
 
 /// Files that examples read.
 fn write_example_files(folder: &Path) {
-    let tetrahedron = "OFF\n4 4 6\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
+    let tetrahedron =
+        "OFF\n4 4 6\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
     fs::write(folder.join("tetrahedron.off"), tetrahedron).unwrap();
 }
 

@@ -220,7 +220,9 @@ fn failures_stop_only_what_depends_on_them() {
     let outcome = |id: &str| &report.outcomes[graph.find(id).unwrap().index()];
     let Outcome::Failed { failure: Failure::Node(message), .. } = outcome("bad") else { panic!() };
     assert_eq!(message, "no luck");
-    let Outcome::Failed { failure: Failure::Panic(message), .. } = outcome("worse") else { panic!() };
+    let Outcome::Failed { failure: Failure::Panic(message), .. } = outcome("worse") else {
+        panic!()
+    };
     assert!(message.starts_with("this node always panics (src/engine/toy.rs:"), "{message}");
     assert_eq!(*outcome("after"), Outcome::Skipped { because: graph.find("bad").unwrap() });
     // What is mended runs, what was done stays done.
@@ -401,8 +403,7 @@ fn two_runs_at_once_compute_every_key_once() {
     let bench = Bench::new();
     let mut text = String::new();
     for node in 0..8 {
-        text +=
-            &format!("[nodes.n{node}]\nkind = \"sleep\"\nduration_ms = 60\nvalue = {node}\n\n");
+        text += &format!("[nodes.n{node}]\nkind = \"sleep\"\nduration_ms = 60\nvalue = {node}\n\n");
     }
     let graph = bench.load(&text);
     let counts: Vec<Counts> = thread::scope(|scope| {
@@ -465,7 +466,10 @@ fn a_record_tells_the_run_again() {
     assert_eq!(record.start, start);
     let nodes: BTreeMap<&str, &str> =
         record.nodes().map(|it| (it.node.as_str(), it.status.as_str())).collect();
-    assert_eq!(nodes, BTreeMap::from([("one", "ran"), ("parts", "ran"), ("sum", "ran"), ("ten", "ran")]));
+    assert_eq!(
+        nodes,
+        BTreeMap::from([("one", "ran"), ("parts", "ran"), ("sum", "ran"), ("ten", "ran")])
+    );
     let Some(Line::RunDone { ran: 4, failed: 0, .. }) = record.lines.last() else {
         panic!("{:?}", record.lines.last())
     };

@@ -73,10 +73,7 @@ fn a_python_user_reads_a_basis_without_any_code_of_ours() {
         .output()
         .unwrap();
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-    let read = Command::new("python3")
-        .args(["-c", SCRIPT])
-        .current_dir(folder.path())
-        .output()
-        .unwrap();
+    let read =
+        Command::new("python3").args(["-c", SCRIPT]).current_dir(folder.path()).output().unwrap();
     assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
 }

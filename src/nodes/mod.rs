@@ -10,6 +10,7 @@ mod normalize;
 mod rig;
 mod snapshot;
 mod subdivide;
+mod synthesize;
 mod table;
 
 /// Every kind. Keep sorted by name.
@@ -22,5 +23,6 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<snapshot::Snapshot>(),
     NodeKind::of::<subdivide::Subdivide>(),
+    NodeKind::of::<synthesize::Synthesize>(),
     NodeKind::of::<table::TableNode>(),
 ];

@@ -97,8 +97,8 @@ impl<'a> Frame<'a> {
             aim("head_top", self.head(0.0, 1.66, -0.005), Vec3::y()),
             aim("hand_left", hands[0].0, hands[0].1),
             aim("hand_right", hands[1].0, hands[1].1),
-            aim("foot_left", feet[0], Vec3::z()),
-            aim("foot_right", feet[1], Vec3::z()),
+            aim("foot_left", feet[0], Vec3::new(0.05, -0.1, 1.0)),
+            aim("foot_right", feet[1], Vec3::new(-0.05, -0.1, 1.0)),
             aim("chest_front", chest, Vec3::z()),
             aim("chest_back", chest, -Vec3::z()),
         ];

@@ -194,9 +194,7 @@ impl Loft {
         let (from, to) = (radii(&self.stations[span]), radii(&self.stations[span + 1]));
         let (a_slope, b_slope) = (self.slopes[span].1, self.slopes[span + 1].1);
         let [h00, h10, h01, h11] = hermite(u, width);
-        std::array::from_fn(|k| {
-            h00 * from[k] + h10 * a_slope[k] + h01 * to[k] + h11 * b_slope[k]
-        })
+        std::array::from_fn(|k| h00 * from[k] + h10 * a_slope[k] + h01 * to[k] + h11 * b_slope[k])
     }
 }
 

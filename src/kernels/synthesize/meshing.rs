@@ -13,7 +13,7 @@ use crate::kernels::{
 /// How triangles are distributed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Connectivity {
-    /// Edges of one length.
+    /// Edges of one length, shorter only where the body is thinner than that.
     Isotropic,
     /// Shorter edges where the body is thin: hands, feet, face.
     Adaptive,
@@ -23,6 +23,9 @@ pub enum Connectivity {
 
 /// The widest cell that still finds thumbs and ears, in metres.
 const WIDEST_CELL: f64 = 0.016;
+
+/// About the skin of a body, in square metres.
+const AREA: f64 = 1.9;
 
 /// How often a surface that is not in one piece is tried again with finer cells.
 const ATTEMPTS: usize = 3;
@@ -35,7 +38,7 @@ pub fn mesh(surface: &Surface, options: &SynthesizeOptions) -> Result<TriMesh, S
     }
     let mut random = Random::stream(options.seed, "connectivity");
     let rough = rough(surface, n_vertices, &mut random)?;
-    let size = sizes(surface, options.connectivity, &mut random);
+    let size = sizes(surface, options, &mut random);
     let rounds = if n_vertices > 50_000 { 3 } else { 5 };
     let options = RemeshOptions { n_vertices, rounds };
     let mesh = remesh(&rough, &options, &size, &|it| surface.approach(it))
@@ -53,8 +56,8 @@ fn rough(
     random: &mut Random,
 ) -> Result<TriMesh, SynthesizeError> {
     let (low, high) = surface.bounds();
-    // About 1.9 m2 of skin; Kuhn's tetrahedra make some four vertices for every squared cell.
-    let mut cell = (1.9 * 4.0 / (1.2 * n_vertices as f64)).sqrt().min(WIDEST_CELL);
+    // Kuhn's tetrahedra make some four vertices for every squared cell.
+    let mut cell = (AREA * 4.0 / (1.2 * n_vertices as f64)).sqrt().min(WIDEST_CELL);
     let mut problem = None;
     for _ in 0..ATTEMPTS {
         let offset = Vec3::new(random.uniform(), random.uniform(), random.uniform());
@@ -101,11 +104,16 @@ fn root(roots: &mut [u32], mut vertex: u32) -> u32 {
 /// The wanted edge length at a point, up to a factor.
 fn sizes<'a>(
     surface: &'a Surface,
-    connectivity: Connectivity,
+    options: &SynthesizeOptions,
     random: &mut Random,
 ) -> Box<dyn Fn(Vec3) -> f64 + Sync + 'a> {
-    match connectivity {
-        Connectivity::Isotropic => Box::new(|_| 1.0),
+    let edge = (AREA * 2.0 / (3.0_f64.sqrt() * options.n_vertices as f64)).sqrt();
+    match options.connectivity {
+        // Nothing is thinner than a centimetre.
+        Connectivity::Isotropic if edge < 0.01 => Box::new(|_| 1.0),
+        Connectivity::Isotropic => {
+            Box::new(move |it| (1.2 * surface.thickness(it) / edge).clamp(0.35, 1.0))
+        }
         Connectivity::Adaptive => {
             Box::new(|it| (surface.thickness(it) / 0.08).sqrt().clamp(0.4, 1.3))
         }

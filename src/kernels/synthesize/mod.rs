@@ -15,6 +15,8 @@ mod proportions;
 mod quadruped;
 mod skin;
 mod surface;
+#[cfg(test)]
+mod tests;
 mod walk;
 
 use nalgebra::UnitQuaternion;

@@ -93,7 +93,7 @@ impl Frame<'_> {
         );
         let back = [hips, spine[0], spine[1], spine[2]];
         let ears = SIDES.map(|(side, sign)| {
-            joints.add(format!("{side}ear"), Some(spine[5]), self.ear(sign, 0.2))
+            joints.add(format!("{side}ear"), Some(spine[5]), self.ear(sign, 0.05))
         });
         let tail_joints: Vec<(String, Vec3)> =
             (1..=5).map(|k| (format!("tail_{k}"), self.tail(0.2 * f64::from(k) - 0.15))).collect();

@@ -76,7 +76,9 @@ impl Surface {
     /// The radius of the parts at a point on the surface, smoothed over where they meet.
     pub fn thickness(&self, point: Vec3) -> f64 {
         const SMOOTHING: f64 = 0.03;
-        let samples: Vec<LoftSample> = self.parts().map(|it| it.1.sample(point)).collect();
+        // What is farther away weighs nothing beside the part that the point is on.
+        let near = self.parts().filter(|it| it.1.loft.distance_bound(point) < 5.0 * SMOOTHING);
+        let samples: Vec<LoftSample> = near.map(|it| it.1.sample(point)).collect();
         let nearest = samples.iter().map(|it| it.distance).fold(f64::INFINITY, f64::min);
         let (mut sum, mut total) = (0.0, 0.0);
         for sample in samples {

@@ -42,8 +42,8 @@ const FOOT_PITCHES: [(f64, f64); 7] = [
     (0.0, -0.30),
     (0.10, 0.0),
     (0.36, 0.0),
-    (0.60, 0.75),
-    (0.72, 0.60),
+    (0.60, 0.72),
+    (0.74, 0.35),
     (0.90, -0.20),
     (1.0, -0.30),
 ];
@@ -91,14 +91,14 @@ fn step_biped(pose: &mut Pose<'_>, skeleton: &Skeleton, side: &str, phase: f64, 
         ball: Plane::new(-ankle.x, toe.y - ankle.y),
         stance: 0.6,
         travel: 0.66 * leg_length,
-        lift: 0.045 * leg_length,
+        lift: 0.07 * leg_length,
         pitches: &FOOT_PITCHES,
     };
     let hip_now = pose.world_from_joint()[pose.joint(&joint("up_leg"))].translation.vector;
     let angles = reach(plane(hip_now), step.ankle_at(phase), knee - hip, ankle - knee);
     let pitch = step.pitch(phase);
     // Toes stay on the ground while the heel rises, and straighten early in the swing.
-    let straightened = (1.0 - 3.0 * step.swing(phase)).max(0.0);
+    let straightened = (1.0 - 1.6 * step.swing(phase)).max(0.0);
     let toe_pitch = if pitch > 0.0 { pitch * (1.0 - straightened) } else { pitch };
     pose.orient(&joint("up_leg"), turn_x(angles[0]));
     pose.orient(&joint("leg"), turn_x(angles[1]));
