@@ -19,6 +19,7 @@ pub mod io;
 pub mod isosurface;
 pub mod landmarks;
 pub mod limit_influences;
+pub mod make_body;
 pub mod mesh;
 pub mod normalize;
 pub mod operator;
