@@ -1,6 +1,7 @@
 //! The kernels' types made storable: one file a type.
 
 mod clip;
+mod files;
 mod image;
 mod landmarks;
 mod mesh;
@@ -20,6 +21,7 @@ pub use rig::Rig;
 /// Every type of artifact. Keep sorted by the types' names.
 pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::clip::Clip>(),
+    ArtifactKind::of::<kernels::files::FileSet>(),
     ArtifactKind::of::<kernels::image::Image>(),
     ArtifactKind::of::<kernels::landmarks::Landmarks>(),
     ArtifactKind::of::<kernels::mesh::TriMesh>(),

@@ -33,7 +33,7 @@ pub struct Download {
     /// Several files.
     #[serde(default)]
     pub files: Vec<DownloadFile>,
-    /// Put before every URL in `files`.
+    /// Put before every URL in `files` that names no protocol.
     #[serde(default)]
     pub base: String,
     /// The licence of the files, for reports.
@@ -50,7 +50,7 @@ pub struct Download {
 pub struct DownloadFile {
     /// Its path in the set, with `/` between folders.
     pub path: String,
-    /// Its URL after `base`; the path if it is not given.
+    /// Its URL, whole or after `base`; the path if it is not given.
     #[serde(default)]
     pub url: Option<String>,
     /// Its blake3, 64 hexadecimal digits.
@@ -88,7 +88,9 @@ impl Download {
             (None, None) => {}
         }
         for file in &self.files {
-            let url = format!("{}{}", self.base, file.url.as_ref().unwrap_or(&file.path));
+            let url = file.url.as_ref().unwrap_or(&file.path);
+            let is_whole = url.contains("://") || url.starts_with("data:");
+            let url = if is_whole { url.clone() } else { format!("{}{url}", self.base) };
             wanted.push(Wanted { path: file.path.clone(), url, digest: parse(&file.blake3)? });
         }
         let mut paths = std::collections::BTreeSet::new();
@@ -192,10 +194,11 @@ mod tests {
         let digest = "0".repeat(64);
         let toml = format!(
             "base = 'http://a/'\nfiles = [{{ path = 'b/c', blake3 = '{digest}' }},\n\
-             {{ path = 'd', url = 'e', blake3 = '{digest}' }}]"
+             {{ path = 'd', url = 'e', blake3 = '{digest}' }},\n\
+             {{ path = 'f', url = 'https://b/f', blake3 = '{digest}' }}]"
         );
         let wanted = toml::from_str::<Download>(&toml).unwrap().wanted().unwrap();
         let urls: Vec<&str> = wanted.iter().map(|it| it.url.as_str()).collect();
-        assert_eq!(urls, ["http://a/b/c", "http://a/e"]);
+        assert_eq!(urls, ["http://a/b/c", "http://a/e", "https://b/f"]);
     }
 }

@@ -115,8 +115,7 @@ impl Load {
         match (&self.path, io.get_optional(Self::FILE)) {
             (Some(InputFile(path)), None) => {
                 let bytes = io.read(path)?;
-                let side_file =
-                    |name: &str| io.read(&io.path(path).with_file_name(name)).ok();
+                let side_file = |name: &str| io.read(&io.path(path).with_file_name(name)).ok();
                 read(&path.to_string_lossy(), &bytes, &side_file)
             }
             (None, Some(files)) => {
@@ -137,9 +136,14 @@ impl Load {
         };
         let readable = |it: &&String| EXTENSIONS.contains(&extension_of(Path::new(it)).as_str());
         match &self.entry {
-            Some(entry) => files.files.get_key_value(entry).map(|it| it.0.as_str()).ok_or_else(|| {
-                NodeError::failed(format!("there is no `{entry}` among the wired files: {}", listed()))
-            }),
+            Some(entry) => {
+                files.files.get_key_value(entry).map(|it| it.0.as_str()).ok_or_else(|| {
+                    NodeError::failed(format!(
+                        "there is no `{entry}` among the wired files: {}",
+                        listed()
+                    ))
+                })
+            }
             None => match files.files.keys().filter(readable).collect::<Vec<_>>()[..] {
                 [name] => Ok(name),
                 ref names => Err(NodeError::failed(format!(
@@ -157,7 +161,9 @@ impl Load {
         if found.is_none() {
             let names: Vec<String> = clips.iter().map(|it| format!("`{}`", it.name)).collect();
             let known = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-            return Err(NodeError::failed(format!("there is no clip `{name}`; the file has {known}")));
+            return Err(NodeError::failed(format!(
+                "there is no clip `{name}`; the file has {known}"
+            )));
         }
         Ok(found)
     }

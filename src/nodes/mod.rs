@@ -4,6 +4,9 @@ use crate::engine::node::NodeKind;
 
 mod clean;
 mod decimate;
+mod download;
+mod load;
+mod make_body;
 mod normalize;
 mod rig;
 mod snapshot;
@@ -14,6 +17,9 @@ mod table;
 pub static ALL: &[NodeKind] = &[
     NodeKind::of::<clean::Clean>(),
     NodeKind::of::<decimate::Decimate>(),
+    NodeKind::of::<download::Download>(),
+    NodeKind::of::<load::Load>(),
+    NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<normalize::Normalize>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<snapshot::Snapshot>(),

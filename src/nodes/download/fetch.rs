@@ -71,8 +71,11 @@ impl Fetcher {
                 Ok(bytes) => return Ok(bytes),
                 Err(error) if attempt < N_TRIES && may_pass(&error) => thread::sleep(pause),
                 Err(error) => {
-                    let tries = if attempt == 1 { String::new() } else { format!(" ({attempt} tries)") };
-                    return Err(NodeError::environment(format!("cannot fetch `{url}`: {error}{tries}")));
+                    let tries =
+                        if attempt == 1 { String::new() } else { format!(" ({attempt} tries)") };
+                    return Err(NodeError::environment(format!(
+                        "cannot fetch `{url}`: {error}{tries}"
+                    )));
                 }
             }
             pause *= 3;

@@ -59,10 +59,7 @@ fn index_of(folder: &Path) -> Index {
         return index;
     };
     let digest = |it: &Entry| blake3::Hash::from_hex(it.blake3.as_ref()?).ok();
-    entries
-        .iter()
-        .filter_map(|it| Some((*digest(it)?.as_bytes(), folder.join(&it.path))))
-        .collect()
+    entries.iter().filter_map(|it| Some((*digest(it)?.as_bytes(), folder.join(&it.path)))).collect()
 }
 
 fn hash_all(folder: &Path, index: &mut Index) {

@@ -24,7 +24,8 @@ pub fn open(
                 Some((_, data)) if uri.starts_with("data:") => {
                     base64(data).ok_or_else(|| fail("the data is no base64".to_owned()))?
                 }
-                _ => side_file(&file_name(uri)).ok_or_else(|| fail(format!("cannot find `{uri}`")))?,
+                _ => side_file(&file_name(uri))
+                    .ok_or_else(|| fail(format!("cannot find `{uri}`")))?,
             },
         };
         if data.len() < buffer.length() {
