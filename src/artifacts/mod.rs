@@ -2,6 +2,7 @@
 
 mod basis;
 mod clip;
+mod files;
 mod image;
 mod landmarks;
 mod mesh;
@@ -23,6 +24,7 @@ pub use rig::Rig;
 pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::basis::Basis>(),
     ArtifactKind::of::<kernels::clip::Clip>(),
+    ArtifactKind::of::<kernels::files::FileSet>(),
     ArtifactKind::of::<kernels::image::Image>(),
     ArtifactKind::of::<kernels::landmarks::Landmarks>(),
     ArtifactKind::of::<kernels::mesh::TriMesh>(),

@@ -27,6 +27,7 @@ pub mod landmark_files;
 pub mod landmarks;
 pub mod laplacian;
 pub mod limit_influences;
+pub mod make_body;
 pub mod mesh;
 pub mod nearest;
 pub mod normalize;

@@ -4,8 +4,11 @@ use crate::engine::node::NodeKind;
 
 mod clean;
 mod decimate;
+mod download;
 mod eigs;
 mod laplacian;
+mod load;
+mod make_body;
 mod normalize;
 mod rig;
 mod snapshot;
@@ -17,8 +20,11 @@ mod table;
 pub static ALL: &[NodeKind] = &[
     NodeKind::of::<clean::Clean>(),
     NodeKind::of::<decimate::Decimate>(),
+    NodeKind::of::<download::Download>(),
     NodeKind::of::<eigs::Eigs>(),
     NodeKind::of::<laplacian::Laplacian>(),
+    NodeKind::of::<load::Load>(),
+    NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<normalize::Normalize>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<snapshot::Snapshot>(),

@@ -15,9 +15,12 @@ pub mod ply;
 pub mod png;
 pub mod read;
 pub mod stl;
+pub mod table_text;
+pub mod uri;
+pub mod zip;
 
 #[cfg(test)]
-mod corpus_tests;
+pub(super) mod corpus_tests;
 #[cfg(test)]
 mod garbage;
 

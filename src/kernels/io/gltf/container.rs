@@ -3,7 +3,7 @@
 use gltf::{Document, Gltf, buffer::Source, json::validation::Checked};
 
 use super::FORMAT;
-use crate::kernels::io::error::ReadError;
+use crate::kernels::io::{error::ReadError, uri::percent_decoded};
 
 /// Opens a `.glb` or `.gltf`.
 pub fn open(
@@ -24,7 +24,8 @@ pub fn open(
                 Some((_, data)) if uri.starts_with("data:") => {
                     base64(data).ok_or_else(|| fail("the data is no base64".to_owned()))?
                 }
-                _ => side_file(uri).ok_or_else(|| fail(format!("cannot find `{uri}`")))?,
+                _ => side_file(&file_name(uri))
+                    .ok_or_else(|| fail(format!("cannot find `{uri}`")))?,
             },
         };
         if data.len() < buffer.length() {
@@ -44,10 +45,16 @@ pub fn external_buffers(bytes: &[u8]) -> Vec<String> {
     document
         .buffers()
         .filter_map(|it| match it.source() {
-            Source::Uri(uri) if !uri.starts_with("data:") => Some(uri.to_owned()),
+            Source::Uri(uri) if !uri.starts_with("data:") => Some(file_name(uri)),
             _ => None,
         })
         .collect()
+}
+
+/// The relative path that a URI stands for.
+fn file_name(uri: &str) -> String {
+    let bytes = percent_decoded(uri).unwrap_or_else(|| uri.as_bytes().to_vec());
+    String::from_utf8_lossy(&bytes).into_owned()
 }
 
 fn parse(json: &[u8]) -> Result<Document, ReadError> {
