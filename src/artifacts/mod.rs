@@ -1,11 +1,17 @@
 //! The kernels' types made storable: one file a type.
 
 mod clip;
+mod descriptors;
+mod functional_map;
 mod image;
 mod landmarks;
+mod matrix;
 mod mesh;
+mod point_map;
+mod regressor;
 mod rig;
 mod skeleton;
+mod spectral_regressor;
 mod table;
 mod weights;
 
@@ -17,11 +23,16 @@ pub use rig::Rig;
 /// Every type of artifact. Keep sorted by the types' names.
 pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::clip::Clip>(),
+    ArtifactKind::of::<kernels::descriptors::Descriptors>(),
+    ArtifactKind::of::<kernels::functional_map::FunctionalMap>(),
     ArtifactKind::of::<kernels::image::Image>(),
     ArtifactKind::of::<kernels::landmarks::Landmarks>(),
     ArtifactKind::of::<kernels::mesh::TriMesh>(),
+    ArtifactKind::of::<kernels::functional_map::PointMap>(),
+    ArtifactKind::of::<kernels::regressor::Regressor>(),
     ArtifactKind::of::<Rig>(),
     ArtifactKind::of::<kernels::skeleton::Skeleton>(),
+    ArtifactKind::of::<kernels::regressor::SpectralRegressor>(),
     ArtifactKind::of::<kernels::table::Table>(),
     ArtifactKind::of::<kernels::weights::SkinWeights>(),
 ];
