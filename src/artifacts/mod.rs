@@ -2,13 +2,19 @@
 
 mod basis;
 mod clip;
+mod descriptors;
 mod files;
+mod functional_map;
 mod image;
 mod landmarks;
+mod matrix;
 mod mesh;
 mod operator;
+mod point_map;
+mod regressor;
 mod rig;
 mod skeleton;
+mod spectral_regressor;
 mod table;
 mod weights;
 
@@ -24,13 +30,18 @@ pub use rig::Rig;
 pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::basis::Basis>(),
     ArtifactKind::of::<kernels::clip::Clip>(),
+    ArtifactKind::of::<kernels::descriptors::Descriptors>(),
     ArtifactKind::of::<kernels::files::FileSet>(),
+    ArtifactKind::of::<kernels::functional_map::FunctionalMap>(),
+    ArtifactKind::of::<kernels::functional_map::PointMap>(),
     ArtifactKind::of::<kernels::image::Image>(),
     ArtifactKind::of::<kernels::landmarks::Landmarks>(),
     ArtifactKind::of::<kernels::mesh::TriMesh>(),
     ArtifactKind::of::<kernels::operator::Operator>(),
+    ArtifactKind::of::<kernels::regressor::Regressor>(),
     ArtifactKind::of::<Rig>(),
     ArtifactKind::of::<kernels::skeleton::Skeleton>(),
+    ArtifactKind::of::<kernels::regressor::SpectralRegressor>(),
     ArtifactKind::of::<kernels::table::Table>(),
     ArtifactKind::of::<kernels::weights::SkinWeights>(),
 ];

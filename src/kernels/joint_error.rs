@@ -1,5 +1,8 @@
 //! How far estimated joints are from the true ones.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use super::{
     mesh::{TriMesh, Vec3},
     skeleton::Skeleton,
@@ -58,12 +61,15 @@ pub enum JointErrorError {
 }
 
 /// What percentages refer to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum HeightAxis {
+    /// The extent along x.
     X,
-    /// The height of meshes whose up axis is Y.
+    /// The extent along y: the height of meshes whose up axis is y.
     #[default]
     Y,
+    /// The extent along z.
     Z,
     /// The greatest of the three extents.
     Largest,

@@ -64,8 +64,12 @@ pub fn basis_of(mesh: &TriMesh, k: usize) -> Basis {
             dense[(row, column)] = value / (roots[row] * roots[column]);
         }
     }
+    // The solver's tolerances are absolute.
+    let scale = dense.norm_max();
+    dense *= faer::Scale(1.0 / scale);
     let eigen = dense.self_adjoint_eigen(Side::Lower).expect("symmetric");
-    let mut eigenvalues: Vec<f64> = eigen.S().column_vector().iter().take(k).copied().collect();
+    let mut eigenvalues: Vec<f64> =
+        eigen.S().column_vector().iter().take(k).map(|it| it * scale).collect();
     eigenvalues[0] = 0.0;
     let eigenvectors = Mat::from_fn(n, k, |row, column| eigen.U()[(row, column)] / roots[row]);
     Basis { eigenvalues, eigenvectors, mass: operator.mass }

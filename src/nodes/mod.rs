@@ -15,7 +15,6 @@ mod snapshot;
 mod subdivide;
 mod synthesize;
 mod table;
-
 /// Every kind. Keep sorted by name.
 pub static ALL: &[NodeKind] = &[
     NodeKind::of::<clean::Clean>(),
@@ -31,4 +30,22 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<subdivide::Subdivide>(),
     NodeKind::of::<synthesize::Synthesize>(),
     NodeKind::of::<table::TableNode>(),
+mod descriptors;
+mod fmap;
+mod joint_error;
+mod landmarks;
+mod regressor;
+mod spectral_regressor;
+mod transfer;
+mod transfer_weights;
+mod zoomout;
+    NodeKind::of::<descriptors::DescriptorsNode>(),
+    NodeKind::of::<fmap::Fmap>(),
+    NodeKind::of::<joint_error::JointError>(),
+    NodeKind::of::<landmarks::LandmarksNode>(),
+    NodeKind::of::<regressor::RegressorNode>(),
+    NodeKind::of::<spectral_regressor::SpectralRegressorNode>(),
+    NodeKind::of::<transfer::Transfer>(),
+    NodeKind::of::<transfer_weights::TransferWeights>(),
+    NodeKind::of::<zoomout::ZoomOut>(),
 ];
