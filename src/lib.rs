@@ -8,6 +8,7 @@ pub mod cli;
 pub mod engine;
 pub mod kernels;
 pub mod nodes;
+pub mod report;
 
 /// Every kind and type that there is.
 pub static LIBRARY: engine::library::Library = engine::library::Library {

@@ -7,11 +7,15 @@ mod check;
 mod common;
 mod completions;
 mod explain;
+mod graph;
+mod new;
+mod nodes;
 mod pipeline_args;
 mod plan;
 mod progress;
 mod run;
 mod runs;
+mod schema;
 mod show;
 mod style;
 mod ui;
@@ -71,6 +75,10 @@ enum Command {
     Runs(runs::Args),
     Cache(cache::Args),
     Check(check::Args),
+    Graph(graph::Args),
+    Nodes(nodes::Args),
+    New(new::Args),
+    Schema(schema::Args),
     Completions(completions::Args),
 }
 
@@ -138,6 +146,10 @@ fn start(command: Command, ui: &Ui) -> Result<Exit, Failure> {
         Command::Runs(args) => runs::run(&args, ui),
         Command::Cache(args) => cache::run(&args, ui),
         Command::Check(args) => check::run(&args, ui),
+        Command::Graph(args) => graph::run(&args, ui),
+        Command::Nodes(args) => nodes::run(&args, ui),
+        Command::New(args) => new::run(&args, ui),
+        Command::Schema(args) => schema::run(&args, ui),
         Command::Completions(args) => completions::run(&args, &mut Cli::command()),
     }
 }

@@ -13,7 +13,9 @@ pub mod params;
 pub mod pipeline;
 pub mod plan;
 pub mod record;
+pub mod reference;
 pub mod run;
+pub mod schema;
 pub mod store;
 pub mod tensors;
 #[doc(hidden)]

@@ -9,7 +9,7 @@ use petgraph::graph::{DiGraph, NodeIndex};
 use serde_json::{Map, Value as Json};
 
 use super::{
-    convert::Converter,
+    convert::{Converter, Name},
     cycles,
     diagnostic::{Diagnostic, Problems},
     expand::{Draft, Expansion},
@@ -23,7 +23,7 @@ use crate::engine::{
     artifact::ArtifactType,
     graph::{Graph, Instance, Place, PortRef},
     library::Library,
-    node::{AnyNode, Arity, NodeKind, Port},
+    node::{AnyNode, NodeKind, Port},
     params::Fields,
 };
 
@@ -153,6 +153,8 @@ impl Checker<'_> {
                     res.insert(port.name, self.check_port(draft, port, &field.value));
                 }
                 None if port.arity.may_be_left_out() => {}
+                // A misspelt key is reported as such.
+                None if is_given(draft, port.name, fields_of(&mut self.fields, draft.kind)) => {}
                 None => self.report_missing_wire(draft, port),
             }
         }
@@ -184,7 +186,7 @@ impl Checker<'_> {
     fn report_missing_wire(&mut self, draft: &Draft, port: &Port) {
         let name = draft.local_name();
         let list = match port.arity {
-            Arity::Many => format!("; `{} = []` if there are none", port.name),
+            it if it.takes_list() => format!("; `{} = []` if there are none", port.name),
             _ => String::new(),
         };
         self.problems.push(
@@ -228,7 +230,7 @@ impl Checker<'_> {
     /// The parameters as data, `None` if one of them is wrong.
     fn check_params(&mut self, draft: &Draft) -> Option<Json> {
         let kind = draft.kind;
-        let fields = self.fields.entry(kind.spec.kind).or_insert_with(|| Fields::of(kind));
+        let fields = fields_of(&mut self.fields, kind);
         let mut converter = Converter { sources: self.sources, problems: &mut *self.problems };
         let mut res = Some(Map::new());
         for Entry { key, value } in &draft.fields {
@@ -236,7 +238,7 @@ impl Checker<'_> {
                 continue;
             }
             let converted = match fields.get(&key.name) {
-                Some(field) => converter.convert(&field.name, value, &field.shape),
+                Some(field) => converter.convert(Name::Field(&field.name), value, &field.shape),
                 None => {
                     report_unknown_key(draft, key, fields, converter.problems);
                     None
@@ -248,7 +250,7 @@ impl Checker<'_> {
             }
         }
         for field in fields.list.iter().filter(|it| it.required) {
-            if draft.fields.iter().all(|it| *it.key.name != *field.name) {
+            if !is_given(draft, &field.name, fields) {
                 let message = format!("`{}` needs `{}`", draft.local_name(), field.name);
                 let hint = format!("{}: {}", field.shape.describe(), field.doc);
                 self.problems.push(Diagnostic::error(&draft.place, message).hint(hint));
@@ -294,10 +296,12 @@ impl Checker<'_> {
 
     fn check_file(&mut self, draft: &Draft, value: Option<&Value>, path: &Path) -> bool {
         let metadata = std::fs::metadata(path);
+        let mut hint = None;
         let message = match &metadata {
             Ok(it) if it.is_file() => return true,
             Ok(_) => format!("`{}` is not a file", path.display()),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+                hint = near_file(path);
                 format!("there is no file `{}`", path.display())
             }
             Err(e) => format!("cannot read `{}`: {e}", path.display()),
@@ -305,11 +309,28 @@ impl Checker<'_> {
         let place = value.map_or(&draft.place, |it| &it.place);
         self.problems.push(
             Diagnostic::error(place, message)
-                .hint(near_file(path))
+                .hint(hint)
                 .related(value.and_then(|it| it.origin.as_ref()), "the path is written here"),
         );
         false
     }
+}
+
+fn fields_of<'a>(
+    fields: &'a mut HashMap<&'static str, Fields>,
+    kind: &'static NodeKind,
+) -> &'a Fields {
+    fields.entry(kind.spec.kind).or_insert_with(|| Fields::of(kind))
+}
+
+/// Whether a key is there, or one that is reported as a misspelling of it.
+fn is_given(draft: &Draft, name: &str, fields: &Fields) -> bool {
+    let spec = &draft.kind.spec;
+    let known = || spec.inputs.iter().map(|it| it.name).chain(fields.names());
+    let is_meant = |key: &str| {
+        key == name || (!known().any(|it| it == key) && nearest(key, known()) == Some(name))
+    };
+    draft.fields.iter().any(|it| is_meant(&it.key.name))
 }
 
 fn report_unknown_key(
@@ -325,7 +346,7 @@ fn report_unknown_key(
         Some(_) => Some(format!("`{}` is an output", key.name)),
         None => suggest(&key.name, names),
     };
-    let message = format!("a `{}` node has no key `{}`", spec.kind, key.name);
+    let message = format!("kind `{}` has no key `{}`", spec.kind, key.name);
     problems.push(Diagnostic::error(&key.place, message).hint(hint));
 }
 

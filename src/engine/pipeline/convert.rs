@@ -1,14 +1,34 @@
 //! From the values of a file to the data that a kind's parameters are made of.
 
+use std::fmt;
+
 use serde_json::{Map, Value as Json};
 
 use super::{
     diagnostic::{Diagnostic, Problems},
-    nearest::suggest,
+    nearest::{nearest, suggest},
     sources::Sources,
     value::{Data, Entry, Value},
 };
-use crate::engine::params::{Fields, Range, Shape};
+use crate::engine::params::{Fields, Shape};
+
+/// The name of a value within the parameters of a node. Written out only for a mistake.
+#[derive(Clone, Copy)]
+pub enum Name<'a> {
+    Field(&'a str),
+    Key(&'a Name<'a>, &'a str),
+    Item(&'a Name<'a>, usize),
+}
+
+impl fmt::Display for Name<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Field(name) => f.write_str(name),
+            Self::Key(table, name) => write!(f, "{table}.{name}"),
+            Self::Item(list, index) => write!(f, "{list}[{index}]"),
+        }
+    }
+}
 
 /// Converts values of one node; every mistake is reported with the name of the field.
 pub struct Converter<'a> {
@@ -18,7 +38,7 @@ pub struct Converter<'a> {
 
 impl Converter<'_> {
     /// The value as data; `None` if it is not what the field takes.
-    pub fn convert(&mut self, name: &str, value: &Value, shape: &Shape) -> Option<Json> {
+    pub fn convert(&mut self, name: Name<'_>, value: &Value, shape: &Shape) -> Option<Json> {
         match (shape, &value.data) {
             (_, Data::Broken) => None,
             (Shape::Text, Data::Text(text)) if !text.starts_with('@') => Some((**text).into()),
@@ -30,18 +50,13 @@ impl Converter<'_> {
                 self.choice(name, value, text, names)
             }
             (Shape::Bool, Data::Bool(it)) => Some((*it).into()),
-            (Shape::Integer(range), Data::Integer(it)) => {
-                self.in_range(name, value, *it as f64, *range)?;
+            (Shape::Integer(range), Data::Integer(it)) if range.contains(*it as f64) => {
                 Some((*it).into())
             }
-            (Shape::Number(range), Data::Integer(it)) => {
-                self.in_range(name, value, *it as f64, *range)?;
+            (Shape::Number(range), Data::Integer(it)) if range.contains(*it as f64) => {
                 Some((*it as f64).into())
             }
-            (Shape::Number(range), Data::Float(it)) => {
-                self.in_range(name, value, *it, *range)?;
-                Some((*it).into())
-            }
+            (Shape::Number(range), Data::Float(it)) if range.contains(*it) => Some((*it).into()),
             (Shape::List { item, min, max }, Data::List(items)) => {
                 self.count(name, value, items.len(), *min, *max)?;
                 self.list(name, items, std::iter::repeat(&**item))
@@ -63,7 +78,7 @@ impl Converter<'_> {
         }
     }
 
-    fn wrong_type(&mut self, name: &str, value: &Value, shape: &Shape) -> Option<Json> {
+    fn wrong_type(&mut self, name: Name<'_>, value: &Value, shape: &Shape) -> Option<Json> {
         let is_wire = value.as_text().is_some_and(|it| it.starts_with('@'));
         let message = if is_wire {
             format!("`{name}` is a parameter and takes no wire")
@@ -73,18 +88,9 @@ impl Converter<'_> {
         self.report(value, message, None)
     }
 
-    fn in_range(&mut self, name: &str, value: &Value, number: f64, range: Range) -> Option<()> {
-        if range.contains(number) {
-            return Some(());
-        }
-        let message =
-            format!("`{name}` must be a number {}, but is {}", range.describe(), value.describe());
-        self.report(value, message, None)
-    }
-
     fn choice(
         &mut self,
-        name: &str,
+        name: Name<'_>,
         value: &Value,
         text: &str,
         names: &[(String, String)],
@@ -96,7 +102,14 @@ impl Converter<'_> {
         self.report(value, format!("`{name}` cannot be \"{text}\""), hint)
     }
 
-    fn count(&mut self, name: &str, value: &Value, n: usize, min: usize, max: usize) -> Option<()> {
+    fn count(
+        &mut self,
+        name: Name<'_>,
+        value: &Value,
+        n: usize,
+        min: usize,
+        max: usize,
+    ) -> Option<()> {
         if (min..=max).contains(&n) {
             return Some(());
         }
@@ -110,19 +123,23 @@ impl Converter<'_> {
 
     fn list<'s>(
         &mut self,
-        name: &str,
+        name: Name<'_>,
         items: &[Value],
         shapes: impl Iterator<Item = &'s Shape>,
     ) -> Option<Json> {
-        let converted: Vec<Option<Json>> =
-            items.iter().zip(shapes).map(|(item, shape)| self.convert(name, item, shape)).collect();
+        let converted: Vec<Option<Json>> = items
+            .iter()
+            .zip(shapes)
+            .enumerate()
+            .map(|(index, (item, shape))| self.convert(Name::Item(&name, index), item, shape))
+            .collect();
         converted.into_iter().collect::<Option<Vec<Json>>>().map(Json::Array)
     }
 
-    fn map(&mut self, name: &str, entries: &[Entry], shape: &Shape) -> Option<Json> {
+    fn map(&mut self, name: Name<'_>, entries: &[Entry], shape: &Shape) -> Option<Json> {
         let mut res = Some(Map::new());
         for Entry { key, value } in entries {
-            let converted = self.convert(&format!("{name}.{}", key.name), value, shape);
+            let converted = self.convert(Name::Key(&name, &key.name), value, shape);
             insert(&mut res, &key.name, converted);
         }
         res.map(Json::Object)
@@ -130,16 +147,15 @@ impl Converter<'_> {
 
     fn table(
         &mut self,
-        name: &str,
+        name: Name<'_>,
         value: &Value,
         entries: &[Entry],
         fields: &Fields,
     ) -> Option<Json> {
         let mut res = Some(Map::new());
         for Entry { key, value } in entries {
-            let full_name = format!("{name}.{}", key.name);
             let converted = match fields.get(&key.name) {
-                Some(field) => self.convert(&full_name, value, &field.shape),
+                Some(field) => self.convert(Name::Key(&name, &key.name), value, &field.shape),
                 None if fields.open => self.anything(value),
                 None => {
                     let hint = suggest(&key.name, fields.names());
@@ -151,7 +167,11 @@ impl Converter<'_> {
             insert(&mut res, &key.name, converted);
         }
         for field in fields.list.iter().filter(|it| it.required) {
-            if entries.iter().all(|it| *it.key.name != *field.name) {
+            let is_meant = |key: &str| match fields.get(key) {
+                Some(found) => found.name == field.name,
+                None => nearest(key, fields.names()) == Some(&field.name),
+            };
+            if !entries.iter().any(|it| is_meant(&it.key.name)) {
                 let message = format!("`{name}` needs `{}`", field.name);
                 res = self.report(value, message, Some(field.doc.clone()));
             }

@@ -8,7 +8,7 @@ use std::{collections::HashMap, path::PathBuf, rc::Rc, sync::Arc};
 
 use super::{
     diagnostic::{Diagnostic, Problems},
-    nearest::suggest,
+    nearest::{nearest, suggest},
     parse::{self, Document, NodeTable},
     sources::Sources,
     substitute::{self, Params},
@@ -144,7 +144,12 @@ impl Expander<'_> {
         });
         for node in &document.nodes {
             let target = self.expand_node(node, scope, prefix);
-            self.res.scopes[scope].targets.insert(Arc::clone(&node.name.name), target);
+            let name = Arc::clone(&node.name.name);
+            let shared = self.res.scopes[scope].targets.insert(name.clone(), target);
+            if shared.is_some() {
+                // The name of an input as well, which has been reported.
+                self.res.scopes[scope].targets.insert(name, Target::Broken);
+            }
         }
         scope
     }
@@ -264,6 +269,7 @@ impl Expander<'_> {
     /// Sorts the fields of a pipeline node into the inputs and parameters of its file.
     fn give(&mut self, name: &Key, fields: Vec<Entry>, document: &Document) -> Given {
         let mut given = Given::default();
+        let mut unknown = Vec::new();
         for Entry { key, value } in fields {
             let is_wire = value.as_text().is_some_and(|it| it.starts_with('@'));
             let is_param = document.params.iter().any(|it| it.key.name == key.name);
@@ -276,10 +282,12 @@ impl Expander<'_> {
                 given.params.insert(key.name, value);
             } else {
                 self.report_unknown_key(name, &key, document);
+                unknown.push(nearest(&key.name, keys_of(document)));
             }
         }
         for input in &document.inputs {
-            if !given.wires.contains_key(&input.name.name) {
+            let is_misspelt = unknown.iter().any(|it| *it == Some(&*input.name.name));
+            if !given.wires.contains_key(&input.name.name) && !is_misspelt {
                 let message = format!("`{}.{}` is not wired", name.name, input.name.name);
                 self.problems.push(
                     Diagnostic::error(&name.place, message)
@@ -291,10 +299,14 @@ impl Expander<'_> {
     }
 
     fn report_unknown_key(&mut self, name: &Key, key: &Key, document: &Document) {
-        let inputs = document.inputs.iter().map(|it| &*it.name.name);
-        let names = inputs.chain(document.params.iter().map(|it| &*it.key.name)).chain(["file"]);
         let message = format!("pipeline `{}` has no key `{}`", name.name, key.name);
-        let hint = suggest(&key.name, names);
+        let hint = suggest(&key.name, keys_of(document));
         self.problems.push(Diagnostic::error(&key.place, message).hint(hint));
     }
+}
+
+/// What a node can say to an inner pipeline.
+fn keys_of(document: &Document) -> impl Iterator<Item = &str> {
+    let inputs = document.inputs.iter().map(|it| &*it.name.name);
+    inputs.chain(document.params.iter().map(|it| &*it.key.name)).chain(["file"])
 }

@@ -24,6 +24,10 @@ use crate::engine::{
 /// The output files of the file that was asked for.
 pub fn check(expansion: &Expansion, library: &Library, problems: &mut Problems) -> Vec<OutputRule> {
     let scope = &expansion.scopes[0];
+    if !scope.document.inputs.is_empty() {
+        // The outputs of an inner pipeline are names; that it cannot run alone has been reported.
+        return Vec::new();
+    }
     let mut res = Vec::new();
     let mut places: HashMap<PathBuf, Place> = HashMap::new();
     for entry in &scope.document.outputs {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use toml::de::DeValue;
+use toml::de::DeTable;
 
 use super::{
     Settings,
@@ -78,7 +78,7 @@ struct Set<'a> {
 }
 
 fn read_set<'a>(text: &'a str, source: usize, problems: &mut Problems) -> Option<Set<'a>> {
-    let Some((path, value)) = text.split_once('=') else {
+    let Some((path, value)) = text.split_once('=').filter(|it| !it.0.trim().is_empty()) else {
         let place = Place { source, span: 0..text.len() };
         problems.push(
             Diagnostic::error(&place, "a setting is written as `name=value`")
@@ -87,20 +87,10 @@ fn read_set<'a>(text: &'a str, source: usize, problems: &mut Problems) -> Option
         return None;
     };
     let place = Place { source, span: 0..path.trim_end().len() };
-    let value_place = Place { source, span: path.len() + 1..text.len() };
-    let value = match DeValue::parse(value.trim()) {
-        Ok(parsed) if !matches!(parsed.get_ref(), DeValue::Datetime(_)) => {
-            let mut value = value::read(parsed, source, problems);
-            shift(
-                &mut value,
-                path.len()
-                    + 1
-                    + (value_place.span.len() - text[path.len() + 1..].trim_start().len()),
-            );
-            value
-        }
-        _ => Value::new(Data::Text(value.into()), value_place),
-    };
+    let value = read_value(path, value, source, problems).unwrap_or_else(|| {
+        let place = Place { source, span: path.len() + 1..text.len() };
+        Value::new(Data::Text(value.into()), place)
+    });
     let mut path: Vec<&str> = path.trim().split('.').collect();
     if path.len() > 1 && (path[0] == "params" || path[0] == "nodes") {
         path.remove(0);
@@ -108,9 +98,14 @@ fn read_set<'a>(text: &'a str, source: usize, problems: &mut Problems) -> Option
     Some(Set { path, value, place })
 }
 
-/// The value was parsed on its own: its places start behind the `=`.
-fn shift(value: &mut Value, by: usize) {
-    value.place.span = value.place.span.start + by..value.place.span.end + by;
+/// The value as TOML, with the places that it has behind `path=`; `None` if it is a plain text.
+fn read_value(path: &str, value: &str, source: usize, problems: &mut Problems) -> Option<Value> {
+    // A key of the same length stands for the path, whose dots and names mean something else here.
+    let aligned = format!("{:1$}={value}", "v", path.len());
+    let mut entries = DeTable::parse(&aligned).ok()?.into_inner().into_iter();
+    let (_, parsed) = entries.next()?;
+    let is_value = entries.next().is_none() && !parsed.get_ref().is_datetime();
+    is_value.then(|| value::read(parsed, source, problems))
 }
 
 fn apply_set(document: &mut Document, set: Set<'_>, problems: &mut Problems) {

@@ -1,12 +1,12 @@
 //! From text to the sections of a pipeline file. Nothing is looked up yet.
 
-use std::{collections::HashSet, sync::Arc};
+use std::{collections::HashSet, ops::Range, sync::Arc};
 
 use toml::de::DeTable;
 
 use super::{
     diagnostic::{Diagnostic, Problems},
-    nearest::suggest,
+    nearest::{nearest, suggest},
     value::{self, Data, Entry, Key, Value},
 };
 use crate::engine::graph::{Place, Source};
@@ -91,7 +91,9 @@ pub fn parse(source: usize, file: &Source, problems: &mut Problems) -> Option<Do
     Some(res)
 }
 
-/// One diagnostic a line: the parser's recovery tends to stumble again over the same mistake.
+/// Reports mistakes of syntax. The parser goes on behind a mistake and tends to stumble over it
+/// again, so one a line is told, none behind an array that is not closed, and of a table that is
+/// given twice not its keys.
 fn report_syntax(
     errors: &[toml::de::Error],
     source: usize,
@@ -99,14 +101,50 @@ fn report_syntax(
     problems: &mut Problems,
 ) {
     let mut lines = HashSet::new();
+    let mut in_double_table = false;
     for error in errors {
         let span = error.span().unwrap_or(0..0);
-        let line = file.text[..span.start].matches('\n').count();
-        if lines.insert(line) {
+        let line = line_around(&file.text, span.start);
+        let is_double = error.message() == DOUBLE_KEY;
+        let is_table = line.trim_start().starts_with('[');
+        let is_known = is_double && in_double_table && !is_table;
+        in_double_table = is_double && (is_table || in_double_table);
+        if !is_known && lines.insert(line.as_ptr()) {
+            let (message, hint) = syntax_message(error.message(), &file.text, &span);
             let place = Place { source, span };
-            problems.push(Diagnostic::error(&place, error.message().replace('\n', ", ")));
+            problems.push(Diagnostic::error(&place, message).hint(hint));
+        }
+        if error.message().contains("array") {
+            return;
         }
     }
+}
+
+const DOUBLE_KEY: &str = "duplicate key";
+
+/// What the parser says, in words that fit pipelines.
+fn syntax_message(message: &str, text: &str, span: &Range<usize>) -> (String, Option<String>) {
+    let rest = text[span.start..].lines().next().unwrap_or_default();
+    let word: String = rest.chars().take_while(|it| !" ,]}#\"'".contains(*it)).collect();
+    let line = line_around(text, span.start).trim_end();
+    if message == DOUBLE_KEY {
+        (format!("`{}` is given twice", &text[span.clone()]), None)
+    } else if message.starts_with("missing comma between array") {
+        (message.replace('\n', ", "), Some("or a `]` is missing further up".to_owned()))
+    } else if line.ends_with('=') && rest.trim().is_empty() {
+        ("the value is missing".to_owned(), None)
+    } else if line.contains('=') && word.starts_with(char::is_alphabetic) {
+        let hint = format!("write \"{word}\"");
+        ("a text must stand in quotes".to_owned(), Some(hint))
+    } else {
+        (message.replace('\n', ", "), None)
+    }
+}
+
+/// The whole line of a position.
+fn line_around(text: &str, position: usize) -> &str {
+    let start = text[..position].rfind('\n').map_or(0, |it| it + 1);
+    text[start..].lines().next().unwrap_or_default()
 }
 
 fn read_heading(value: Value, to: &mut Document, problems: &mut Problems) {
@@ -156,7 +194,11 @@ fn read_inputs(value: Value, problems: &mut Problems) -> Vec<InputPort> {
                 ),
             }
         }
+        let is_misspelt = fields.iter().any(|it| nearest(&it.key.name, ["type"]).is_some());
         let ty = ty.unwrap_or_else(|| {
+            if is_misspelt {
+                return value.broken();
+            }
             let message = format!("input `{}` has no `type`", name.name);
             problems.push(Diagnostic::error(&name.place, message));
             value.broken()

@@ -277,7 +277,7 @@ mod tests {
     fn alone_it_keeps_its_type_and_inside_a_text_it_is_written_out() {
         check("${k}", "60");
         check("${x}", "1.0");
-        check("${list}", "a list of 1");
+        check("${list}", "a list of 1 value");
         check("k=${k}", "the text \"k=60\"");
         check("${dir}/${k}.off", "the text \"data/60.off\"");
         check("${ k }", "60");
@@ -296,7 +296,7 @@ mod tests {
         check("a${kk}${ll}", "there is no parameter `kk`");
         check("a${k", "`${` is not closed by `}`");
         check("a${}", "`${}` names nothing");
-        check("a${list}", "`${list}` is a list of 1 and cannot stand inside of a text");
+        check("a${list}", "`${list}` is a list of 1 value and cannot stand inside of a text");
     }
 
     #[test]

@@ -78,7 +78,8 @@ impl Value {
             Data::Integer(value) => value.to_string(),
             Data::Float(value) => format!("{value:?}"),
             Data::Bool(value) => value.to_string(),
-            Data::List(items) => format!("a list of {}", items.len()),
+            Data::List(items) if items.len() == 1 => "a list of 1 value".to_owned(),
+            Data::List(items) => format!("a list of {} values", items.len()),
             Data::Table(_) => "a table".to_owned(),
             Data::Broken => "broken".to_owned(),
         }

@@ -1,0 +1,3 @@
+//! What people look at: made from graphs and run records alone.
+
+pub mod graph;
