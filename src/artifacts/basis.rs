@@ -1,5 +1,4 @@
-use faer::{Mat, MatRef};
-
+use super::matrix::{matrix, put_matrix};
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
 use crate::kernels::basis::Basis;
 
@@ -13,7 +12,7 @@ impl Artifact for Basis {
 
     fn encode<'a>(&'a self, to: &mut Encoder<'a>) {
         to.array("eigenvalues", &[self.k()], &self.eigenvalues);
-        put_matrix(to, "eigenvectors", self.eigenvectors.as_ref());
+        put_matrix(to, "eigenvectors", &self.eigenvectors);
         to.array("mass", &[self.mass.len()], &self.mass);
     }
 
@@ -45,34 +44,4 @@ impl Artifact for Basis {
             ("area".to_owned(), format!("{:.6}", self.area())),
         ]
     }
-}
-
-/// Rows are written together so that memory is read by whole cache lines.
-const ROWS: usize = 32;
-
-/// Writes a matrix row by row, as numpy reads it.
-pub fn put_matrix(to: &mut Encoder<'_>, name: &str, matrix: MatRef<'_, f64>) {
-    let (n_rows, n_cols) = (matrix.nrows(), matrix.ncols());
-    let mut values = vec![0.0; n_rows * n_cols];
-    for (block, rows) in values.chunks_mut(ROWS * n_cols.max(1)).enumerate() {
-        let first = block * ROWS;
-        for col in 0..n_cols {
-            for row in 0..rows.len() / n_cols {
-                rows[row * n_cols + col] = matrix[(first + row, col)];
-            }
-        }
-    }
-    to.owned(name, &[n_rows, n_cols], values);
-}
-
-/// Reads a matrix that is stored row by row.
-///
-/// # Errors
-/// If it is missing, has not two dimensions, or holds a number that is not finite.
-pub fn matrix(from: &Decoder<'_>, name: &str) -> Result<Mat<f64>, DecodeError> {
-    let (n_rows, n_cols, values) = from.matrix::<f64>(name)?;
-    if let Some(value) = values.iter().find(|it| !it.is_finite()) {
-        return Err(DecodeError(format!("`{name}` holds the value {value}")));
-    }
-    Ok(Mat::from_fn(n_rows, n_cols, |row, col| values[row * n_cols + col]))
 }

@@ -4,13 +4,19 @@ use faer::Mat;
 
 use crate::engine::artifact::{DecodeError, Decoder, Encoder};
 
+/// So many rows are written together that they stay in the cache.
+const ROWS: usize = 32;
+
 /// Writes a dense matrix.
 pub fn put_matrix(to: &mut Encoder<'_>, name: &str, matrix: &Mat<f64>) {
     let (n_rows, n_cols) = (matrix.nrows(), matrix.ncols());
     let mut values = vec![0.0; n_rows * n_cols];
-    for column in 0..n_cols {
-        for (row, value) in matrix.col_as_slice(column).iter().enumerate() {
-            values[row * n_cols + column] = *value;
+    for (block, rows) in values.chunks_mut((ROWS * n_cols).max(1)).enumerate() {
+        for column in 0..n_cols {
+            let column_values = &matrix.col_as_slice(column)[block * ROWS..];
+            for (row, value) in rows.chunks_exact_mut(n_cols).zip(column_values) {
+                row[column] = *value;
+            }
         }
     }
     to.owned(name, &[n_rows, n_cols], values);

@@ -1,4 +1,5 @@
-use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
+use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder, Format};
+use crate::kernels::io::{glb, obj, off, ply, stl};
 use crate::kernels::mesh::{TriMesh, Vec3};
 
 impl Artifact for TriMesh {
@@ -7,6 +8,14 @@ impl Artifact for TriMesh {
         version: 1,
         doc: "Triangle mesh: `vertices` (V x 3 positions) and `faces` (F x 3 indices).",
     };
+
+    const FORMATS: &'static [Format] = &[
+        Format { extension: "ply", doc: "Binary, double precision." },
+        Format { extension: "obj", doc: "Text; coordinates read back exactly." },
+        Format { extension: "off", doc: "Text; coordinates read back exactly." },
+        Format { extension: "stl", doc: "Binary, single precision, corners not joined." },
+        Format { extension: "glb", doc: "glTF, single precision." },
+    ];
 
     fn encode<'a>(&'a self, to: &mut Encoder<'a>) {
         put_points(to, "vertices", self.vertices());
@@ -20,6 +29,23 @@ impl Artifact for TriMesh {
         };
         let faces = faces.chunks_exact(3).map(|it| [it[0], it[1], it[2]]).collect();
         Self::new(vertices, faces).map_err(|e| DecodeError::new(e.to_string()))
+    }
+
+    fn export(&self, extension: &str) -> Result<Vec<u8>, String> {
+        match extension {
+            "ply" => Ok(ply::write_ply(self, ply::PlyExtras::default())),
+            "obj" => Ok(obj::write_obj(self)),
+            "off" => Ok(off::write_off(self)),
+            "stl" => Ok(stl::write_stl(self)),
+            "glb" => Ok(glb::write_glb(glb::GlbScene {
+                mesh: self,
+                colours: None,
+                rig: None,
+                max_influences: 4,
+            })
+            .bytes),
+            _ => Err(format!("a mesh cannot be written as .{extension}")),
+        }
     }
 
     fn summary(&self) -> Vec<(String, String)> {

@@ -19,10 +19,14 @@ mod table;
 mod weights;
 
 use crate::engine::{
-    artifact::{ArtifactKind, Format},
+    artifact::{ArtifactKind, Decoder, Format},
     library::CommonFormat,
+    tensors::Dtype,
 };
-use crate::kernels;
+use crate::kernels::{
+    self,
+    io::zip::{NpyArray, write_npz},
+};
 
 pub use rig::Rig;
 
@@ -33,11 +37,11 @@ pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::descriptors::Descriptors>(),
     ArtifactKind::of::<kernels::files::FileSet>(),
     ArtifactKind::of::<kernels::functional_map::FunctionalMap>(),
-    ArtifactKind::of::<kernels::functional_map::PointMap>(),
     ArtifactKind::of::<kernels::image::Image>(),
     ArtifactKind::of::<kernels::landmarks::Landmarks>(),
     ArtifactKind::of::<kernels::mesh::TriMesh>(),
     ArtifactKind::of::<kernels::operator::Operator>(),
+    ArtifactKind::of::<kernels::functional_map::PointMap>(),
     ArtifactKind::of::<kernels::regressor::Regressor>(),
     ArtifactKind::of::<Rig>(),
     ArtifactKind::of::<kernels::skeleton::Skeleton>(),
@@ -47,7 +51,32 @@ pub static ALL: &[ArtifactKind] = &[
 ];
 
 /// Formats that hold the arrays of any artifact.
-pub static COMMON_FORMATS: &[CommonFormat] = &[CommonFormat {
-    format: Format { extension: "safetensors", doc: "All arrays, as they are stored." },
-    write: |bytes, _| Ok(bytes.to_vec()),
-}];
+pub static COMMON_FORMATS: &[CommonFormat] = &[
+    CommonFormat {
+        format: Format { extension: "npz", doc: "All arrays, for `numpy.load`; without texts." },
+        write: |_, decoder| Ok(npz(decoder)),
+    },
+    CommonFormat {
+        format: Format { extension: "safetensors", doc: "All arrays, as they are stored." },
+        write: |bytes, _| Ok(bytes.to_vec()),
+    },
+];
+
+fn npz(decoder: &Decoder<'_>) -> Vec<u8> {
+    let arrays: Vec<NpyArray<'_>> = decoder
+        .arrays()
+        .map(|(name, it)| {
+            let dtype = match it.dtype {
+                Dtype::F64 => "<f8",
+                Dtype::I64 => "<i8",
+                Dtype::U64 => "<u8",
+                Dtype::F32 => "<f4",
+                Dtype::U32 => "<u4",
+                Dtype::U16 => "<u2",
+                Dtype::U8 => "|u1",
+            };
+            NpyArray { name, dtype, shape: &it.shape, bytes: it.bytes }
+        })
+        .collect();
+    write_npz(&arrays)
+}

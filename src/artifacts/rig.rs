@@ -1,6 +1,7 @@
 //! A rig: what an animator opens.
 
-use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
+use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder, Format};
+use crate::kernels::io::glb::{GlbRig, GlbScene, write_glb};
 use crate::kernels::{clip::Clip, mesh::TriMesh, skeleton::Skeleton, weights::SkinWeights};
 
 /// A skinned mesh, with motion if there is any.
@@ -18,6 +19,11 @@ impl Artifact for Rig {
         version: 1,
         doc: "Skinned mesh: the arrays of a mesh, a skeleton, weights and any number of clips.",
     };
+
+    const FORMATS: &'static [Format] = &[Format {
+        extension: "glb",
+        doc: "glTF with skin and clips: single precision, every joint's +Y towards its child.",
+    }];
 
     fn encode<'a>(&'a self, to: &mut Encoder<'a>) {
         to.part("mesh", |to| self.mesh.encode(to));
@@ -43,6 +49,20 @@ impl Artifact for Rig {
         };
         rig.check().map_err(DecodeError)?;
         Ok(rig)
+    }
+
+    fn export(&self, extension: &str) -> Result<Vec<u8>, String> {
+        if extension != "glb" {
+            return Err(format!("a rig cannot be written as .{extension}"));
+        }
+        let rig = GlbRig {
+            skeleton: &self.skeleton,
+            weights: Some(&self.weights),
+            clips: &self.clips,
+        };
+        let scene =
+            GlbScene { mesh: &self.mesh, colours: None, rig: Some(rig), max_influences: 4 };
+        Ok(write_glb(scene).bytes)
     }
 
     fn summary(&self) -> Vec<(String, String)> {

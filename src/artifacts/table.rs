@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 
-use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
+use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder, Format};
+use crate::kernels::io::table_text::{write_csv, write_json, write_markdown};
 use crate::kernels::table::{Column, Table, Values};
 
 /// What the header says of one column.
@@ -20,6 +21,12 @@ impl Artifact for Table {
         version: 1,
         doc: "Table: `numbers` (columns of numbers x rows), and the columns' names, units and texts.",
     };
+
+    const FORMATS: &'static [Format] = &[
+        Format { extension: "csv", doc: "Numbers in full; a missing one is an empty cell." },
+        Format { extension: "json", doc: "A list of records." },
+        Format { extension: "md", doc: "Markdown, numbers rounded, marked rows bold." },
+    ];
 
     fn encode<'a>(&'a self, to: &mut Encoder<'a>) {
         let mut numbers = Vec::new();
@@ -71,6 +78,15 @@ impl Artifact for Table {
             return Err(DecodeError(format!("`{}` marks a row it does not have", column.name)));
         }
         Ok(Self::new(columns))
+    }
+
+    fn export(&self, extension: &str) -> Result<Vec<u8>, String> {
+        match extension {
+            "csv" => Ok(write_csv(self).into_bytes()),
+            "json" => Ok(write_json(self).into_bytes()),
+            "md" => Ok(write_markdown(self).into_bytes()),
+            _ => Err(format!("a table cannot be written as .{extension}")),
+        }
     }
 
     fn summary(&self) -> Vec<(String, String)> {
