@@ -233,3 +233,39 @@ fn drawings_show_inner_pipelines_as_groups() {
     assert_eq!(svg.matches("class=\"wire\"").count(), 6);
     assert_eq!(svg, graph::svg(&graph));
 }
+
+#[test]
+fn a_file_with_inputs_can_be_checked_on_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("double.toml");
+    fs::write(&path, DOUBLE).unwrap();
+    let check = || pipeline::check(&path, &TOY, &Settings::default());
+    assert_eq!(check().map_err(|e| e.to_string()), Ok(1));
+    fs::write(&path, DOUBLE.replace("factor", "fcator").replace("\"number\",", "\"nubmer\","))
+        .unwrap();
+    assert_eq!(check().unwrap_err().list.len(), 2);
+}
+
+#[test]
+fn no_damage_to_a_file_makes_the_reader_panic() {
+    let text = format!("{NESTED}[nodes.ü]\nkind = \"fail\"\nmessage = \"→ ${{by}}\"\n");
+    let read = |damaged: &str| {
+        let folder = std::path::PathBuf::from("nowhere");
+        let settings = Settings { profile: None, set: vec![damaged.replace('\n', "=")] };
+        for settings in [Settings::default(), settings] {
+            if let Err(diagnostics) = pipeline::load_text(damaged, folder.clone(), &TOY, &settings)
+            {
+                assert!(!diagnostics.list.is_empty());
+                diagnostics.render(true);
+                diagnostics.to_json();
+            }
+        }
+    };
+    for (start, letter) in text.char_indices() {
+        let (before, rest) = text.split_at(start);
+        read(before);
+        read(&format!("{before}{}", &rest[letter.len_utf8()..]));
+        read(&format!("{before}\"{rest}"));
+        read(&format!("{before}[{rest}"));
+    }
+}

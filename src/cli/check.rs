@@ -7,6 +7,7 @@ use super::{
     pipeline_args::SettingsArgs,
     ui::{Ui, count},
 };
+use crate::{LIBRARY, engine::pipeline};
 
 /// Check pipelines without running them
 #[derive(clap::Args)]
@@ -21,16 +22,14 @@ pub struct Args {
 pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
     let mut n_mistakes = 0;
     for file in &args.files {
-        match args.settings.load(file) {
-            Ok(graph) => {
-                let n_nodes = count(graph.instances.node_count(), "node");
-                ui.status("Checked", &format!("{}: {n_nodes}", file.display()));
+        match pipeline::check(file, &LIBRARY, &args.settings.to_settings()) {
+            Ok(n_nodes) => {
+                ui.status("Checked", &format!("{}: {}", file.display(), count(n_nodes, "node")));
             }
-            Err(Failure::Pipeline(diagnostics)) => {
+            Err(diagnostics) => {
                 ui.diagnostics(&diagnostics);
                 n_mistakes += diagnostics.list.len();
             }
-            Err(failure) => return Err(failure),
         }
     }
     if n_mistakes == 0 {

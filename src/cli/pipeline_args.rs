@@ -41,7 +41,10 @@ impl SettingsArgs {
     /// # Errors
     /// With everything that is wrong with the pipeline.
     pub fn load(&self, file: &Path) -> Result<Graph, Failure> {
-        let settings = Settings { profile: self.profile.clone(), set: self.set.clone() };
-        Ok(pipeline::load(file, &LIBRARY, &settings)?)
+        Ok(pipeline::load(file, &LIBRARY, &self.to_settings())?)
+    }
+
+    pub fn to_settings(&self) -> Settings {
+        Settings { profile: self.profile.clone(), set: self.set.clone() }
     }
 }

@@ -38,8 +38,9 @@ pub fn check(
     problems: &mut Problems,
 ) -> Option<Graph> {
     let mut checker = Checker { expansion, library, sources, problems, fields: HashMap::new() };
-    let interface_checks = 1..expansion.scopes.len();
-    interface_checks.for_each(|it| checker.check_interface(it));
+    let is_inner = |it: &usize| !expansion.scopes[*it].document.inputs.is_empty() || *it > 0;
+    let inner = (0..expansion.scopes.len()).filter(is_inner);
+    inner.for_each(|it| checker.check_interface(it));
     let wires: Vec<Wires> = expansion.drafts.iter().map(|it| checker.check_wires(it)).collect();
     cycles::report(&expansion.drafts, &wires, checker.problems);
     let drafts = expansion.drafts.iter().zip(wires);

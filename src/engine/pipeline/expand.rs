@@ -89,13 +89,6 @@ impl Expansion {
             res: Self { drafts: Vec::new(), scopes: Vec::new() },
         };
         let document = Rc::new(document);
-        if let Some(input) = document.inputs.first() {
-            let message = "a pipeline with inputs cannot run on its own";
-            expander.problems.push(
-                Diagnostic::error(&input.name.place, message)
-                    .hint("use it as a node with `kind = \"pipeline\"`".to_owned()),
-            );
-        }
         expander.expand(Use { document, prefix: "", parent: None, given: Given::default() });
         expander.res
     }

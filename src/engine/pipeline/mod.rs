@@ -29,7 +29,7 @@ use std::path::{Path, PathBuf};
 pub use diagnostic::{Diagnostic, Diagnostics, Severity};
 pub use nearest::{nearest, suggest};
 
-use self::{expand::Expansion, sources::Sources};
+use self::{expand::Expansion, parse::Document, sources::Sources};
 use super::{graph::Graph, library::Library};
 
 /// What the user changes about a pipeline without touching its file.
@@ -46,14 +46,7 @@ pub struct Settings {
 /// # Errors
 /// With everything that is wrong.
 pub fn load(path: &Path, library: &Library, settings: &Settings) -> Result<Graph, Diagnostics> {
-    let mut sources = Sources::default();
-    match sources.read(path) {
-        Ok(_) => load_first(sources, library, settings),
-        Err(message) => {
-            let problem = Diagnostic::without_place(message);
-            Err(Diagnostics::new(vec![problem], sources.list))
-        }
-    }
+    load_first(read(path)?, library, settings, true)
 }
 
 /// The same for a text that is no file; relative paths start in `folder`.
@@ -68,17 +61,42 @@ pub fn load_text(
 ) -> Result<Graph, Diagnostics> {
     let mut sources = Sources::default();
     sources.add(folder.join("pipeline.toml"), text, folder);
-    load_first(sources, library, settings)
+    load_first(sources, library, settings, true)
 }
 
-/// Loads the first source.
+/// Checks a pipeline file, which may be one that others use as a node. Returns the number of nodes.
+///
+/// # Errors
+/// With everything that is wrong.
+pub fn check(path: &Path, library: &Library, settings: &Settings) -> Result<usize, Diagnostics> {
+    let graph = load_first(read(path)?, library, settings, false)?;
+    Ok(graph.instances.node_count())
+}
+
+fn read(path: &Path) -> Result<Sources, Diagnostics> {
+    let mut sources = Sources::default();
+    match sources.read(path) {
+        Ok(_) => Ok(sources),
+        Err(message) => {
+            let problem = Diagnostic::without_place(message);
+            Err(Diagnostics::new(vec![problem], sources.list))
+        }
+    }
+}
+
+/// The graph of the first source. A `whole` pipeline has no inputs; the graph of another lacks what
+/// they would be wired to.
 fn load_first(
     mut sources: Sources,
     library: &Library,
     settings: &Settings,
+    whole: bool,
 ) -> Result<Graph, Diagnostics> {
     let mut problems = Vec::new();
     let graph = parse::parse(0, &sources.list[0], &mut problems).and_then(|mut document| {
+        if whole {
+            report_inputs(&document, &mut problems);
+        }
         overrides::apply(&mut document, settings, &mut sources, &mut problems);
         let expansion = Expansion::new(document, library, &mut sources, &mut problems);
         check::check(&expansion, library, &sources, &mut problems)
@@ -86,5 +104,15 @@ fn load_first(
     match graph {
         Some(graph) if problems.is_empty() => Ok(Graph { sources: sources.list, ..graph }),
         _ => Err(Diagnostics::new(problems, sources.list)),
+    }
+}
+
+fn report_inputs(document: &Document, problems: &mut Vec<Diagnostic>) {
+    if let Some(input) = document.inputs.first() {
+        let message = "a pipeline with inputs cannot run on its own";
+        problems.push(
+            Diagnostic::error(&input.name.place, message)
+                .hint("use it as a node with `kind = \"pipeline\"`".to_owned()),
+        );
     }
 }

@@ -51,6 +51,7 @@ impl<'a> Follower<'a> {
                 self.fail(wire, &message, Some(format!("write \"@{name}\"")))
             }
             Some(Target::Input) => {
+                // Nothing is given if that has been reported, or the file is checked on its own.
                 let outer = scopes[scope].given.get(name)?;
                 self.follow(scopes[scope].parent?, outer)
             }
