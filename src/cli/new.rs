@@ -50,3 +50,23 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
     ui.status("Created", &format!("{shown}; now: sinew run {shown}"));
     Ok(Exit::Success)
 }
+
+#[cfg(test)]
+mod tests {
+    use clap::ValueEnum;
+
+    use super::*;
+    use crate::{
+        LIBRARY,
+        engine::pipeline::{self, Settings},
+    };
+
+    #[test]
+    fn every_template_is_sound() {
+        for template in Template::value_variants() {
+            let settings = Settings::default();
+            let graph = pipeline::load_text(template.text(), PathBuf::new(), &LIBRARY, &settings);
+            assert!(graph.is_ok(), "{template:?}\n{}", graph.err().unwrap());
+        }
+    }
+}
