@@ -274,7 +274,7 @@ impl<'a> Frame<'a> {
                 &[(arm[0], 0.0), (arm[1], 0.055 * s), (arm[2], 0.05 * s), (arm[3], 0.03 * s)],
             ),
             joints.part(self.palm(sign), 0.02 * s, &[(arm[2], 0.0), (arm[3], 0.03 * s)]),
-            joints.part(self.thumb(sign), 0.02 * s, &[(arm[3], 0.0)]),
+            joints.part(self.thumb(sign), 0.03 * s, &[(arm[3], 0.0)]),
         ];
         Limb { parts, blend: 0.06 * s }
     }
