@@ -305,8 +305,10 @@ impl<'a> Frame<'a> {
         Loft::new(stations.to_vec(), self.arm_direction(sign).cross(&Vec3::z()), [size(0.012); 2])
     }
 
+    /// How far a leg is from the middle; thighs never touch, so that legs stay apart.
     fn leg_x(&self, y: f64) -> f64 {
-        0.092 * self.p.hips + 0.035 * (NOMINAL_HIP - y)
+        let thigh = 0.082 * self.p.limb_girth;
+        (0.092 * self.p.hips).max(thigh + 0.010) + 0.035 * (NOMINAL_HIP - y)
     }
 
     fn leg_joints(&self, sign: f64) -> [(&'static str, Vec3); 4] {
