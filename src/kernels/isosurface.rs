@@ -4,8 +4,11 @@ use rayon::prelude::*;
 
 use super::mesh::{TriMesh, Vec3};
 
-/// Cells along the side of a block, the unit of culling and of parallel work.
+/// Cells along the side of a block, the unit of parallel work; a power of two.
 const BLOCK: usize = 8;
+
+/// The longest gradient of the function that is allowed.
+const STEEPEST: f64 = 1.6;
 
 /// The cube's tetrahedra that share its diagonal (Kuhn 1960): corners are sums of the axes in an
 /// order, as bits. The flag tells whether the order is even, which makes the volume positive.
@@ -33,8 +36,8 @@ pub struct Grid {
 ///
 /// Marching tetrahedra over Kuhn's six in every cell: inside the grid the result is a closed
 /// manifold, however the values lie, as every tetrahedron is cut by one triangle or quadrangle.
-/// `value` should be about a distance; blocks of cells farther from the surface than 1.6 times their
-/// radius are skipped, so its gradient must not be longer than that.
+/// `value` should be about a distance: cubes of cells are skipped where it is more than 1.6 times
+/// their radius, so its gradient must not be longer than that.
 ///
 /// Returns `None` if nothing is inside.
 pub fn isosurface(grid: &Grid, value: &(dyn Fn(Vec3) -> f64 + Sync)) -> Option<TriMesh> {
@@ -74,56 +77,87 @@ fn march_block(
     block: [usize; 3],
     value: &(dyn Fn(Vec3) -> f64 + Sync),
 ) -> Vec<Crossing> {
+    let values = vec![f64::NAN; SIDE.pow(3)];
     let first = block.map(|it| it * BLOCK);
-    let at = |corner: [usize; 3]| grid.origin + grid.cell * Vec3::from(corner.map(|it| it as f64));
-    let half = 0.5 * grid.cell * BLOCK as f64;
-    if value(at(first).add_scalar(half)).abs() > 1.6 * 3.0_f64.sqrt() * half {
-        return Vec::new();
+    let mut march = March { grid, first, value, values, crossings: Vec::new() };
+    march.cube([0; 3], BLOCK);
+    march.crossings
+}
+
+/// Corners along the side of a block.
+const SIDE: usize = BLOCK + 1;
+
+/// One block under way.
+struct March<'a> {
+    grid: &'a Grid,
+    /// The block's least corner in the grid.
+    first: [usize; 3],
+    value: &'a (dyn Fn(Vec3) -> f64 + Sync),
+    /// At the corners of the block; not a number where it is not known yet.
+    values: Vec<f64>,
+    crossings: Vec<Crossing>,
+}
+
+impl March<'_> {
+    fn position(&self, corner: [usize; 3]) -> Vec3 {
+        let corner = std::array::from_fn(|axis| (self.first[axis] + corner[axis]) as f64);
+        self.grid.origin + self.grid.cell * Vec3::from(corner)
     }
-    let side = BLOCK + 1;
-    let corners: Vec<[usize; 3]> = (0..side * side * side)
-        .map(|it| {
-            [first[0] + it % side, first[1] + it / side % side, first[2] + it / (side * side)]
-        })
-        .collect();
-    let values: Vec<f64> = corners.iter().map(|&it| value(at(it))).collect();
-    let steps = [1, side, side * side];
-    let mut crossings = Vec::new();
-    for low in 0..values.len() {
-        if (0..3).any(|axis| corners[low][axis] == first[axis] + BLOCK) {
-            continue;
+
+    fn value(&mut self, corner: [usize; 3]) -> f64 {
+        let index = corner[0] + SIDE * (corner[1] + SIDE * corner[2]);
+        if self.values[index].is_nan() {
+            self.values[index] = (self.value)(self.position(corner));
         }
-        let cube: [usize; 8] = std::array::from_fn(|bits| {
-            low + (0..3).map(|axis| (bits >> axis & 1) * steps[axis]).sum::<usize>()
-        });
-        let n_inside = cube.iter().filter(|&&it| values[it] < 0.0).count();
+        self.values[index]
+    }
+
+    /// Marches through a cube of cells unless its centre is too far from the surface.
+    fn cube(&mut self, low: [usize; 3], side: usize) {
+        if side == 1 {
+            return self.cell(low);
+        }
+        let half = side / 2;
+        let radius = 3.0_f64.sqrt() * half as f64 * self.grid.cell;
+        if self.value(low.map(|it| it + half)).abs() > STEEPEST * radius {
+            return;
+        }
+        for octant in 0..8 {
+            self.cube(std::array::from_fn(|axis| low[axis] + (octant >> axis & 1) * half), half);
+        }
+    }
+
+    fn cell(&mut self, low: [usize; 3]) {
+        let corner = |bits: usize| std::array::from_fn(|axis| low[axis] + (bits >> axis & 1));
+        let values: [f64; 8] = std::array::from_fn(|bits| self.value(corner(bits)));
+        let n_inside = values.iter().filter(|it| **it < 0.0).count();
         if n_inside == 0 || n_inside == 8 {
-            continue;
+            return;
         }
-        let crossing = |one: usize, other: usize| {
+        let crossing = |march: &Self, one: usize, other: usize| {
             let (a, b) = (one.min(other), one.max(other));
-            let (value_a, value_b) = (values[cube[a]], values[cube[b]]);
             // Away from the ends, so that no triangle degenerates.
-            let along = (value_a / (value_a - value_b)).clamp(0.05, 0.95);
-            let [x, y, z] = corners[cube[a]].map(|it| it as u64);
-            let [nx, ny] = [grid.n_cells[0] + BLOCK, grid.n_cells[1] + BLOCK].map(|it| it as u64);
+            let along = (values[a] / (values[a] - values[b])).clamp(0.05, 0.95);
+            let at: [usize; 3] = corner(a);
+            let [x, y, z] = std::array::from_fn(|axis| (march.first[axis] + at[axis]) as u64);
+            let [nx, ny] = [0, 1].map(|axis| (march.grid.n_cells[axis] + SIDE) as u64);
             Crossing {
                 edge: 8 * (x + nx * (y + ny * z)) + (a ^ b) as u64,
-                position: at(corners[cube[a]]).lerp(&at(corners[cube[b]]), along),
+                position: march.position(at).lerp(&march.position(corner(b)), along),
             }
         };
         for (tetrahedron, even) in TETRAHEDRA {
             cut(
                 tetrahedron,
                 even,
-                |it| values[cube[it]] < 0.0,
+                |it| values[it] < 0.0,
                 |one, other| {
-                    crossings.push(crossing(one, other));
+                    let crossing = crossing(self, one, other);
+                    self.crossings.push(crossing);
                 },
             );
         }
     }
-    crossings
 }
 
 /// Cuts a tetrahedron: reports the edges whose crossings form triangles, three for each.

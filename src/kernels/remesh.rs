@@ -90,7 +90,7 @@ impl Remesher<'_> {
         let edge = self.table.edge([a, b]).expect("splits remove no other edge");
         let middle = 0.5 * (self.table.position(a) + self.table.position(b));
         self.table.split(edge, middle);
-        self.sizes.push((self.size)(middle));
+        self.sizes.push(0.5 * (self.sizes[a as usize] + self.sizes[b as usize]));
     }
 
     fn collapse_shorter_than(&mut self, limit: f64, longest: f64) {
@@ -119,7 +119,7 @@ impl Remesher<'_> {
         };
         if fits(a, b) && fits(b, a) {
             self.table.collapse(edge, middle);
-            self.sizes[b as usize] = (self.size)(middle);
+            self.sizes[b as usize] = 0.5 * (self.sizes[a as usize] + self.sizes[b as usize]);
         }
     }
 

@@ -274,7 +274,7 @@ impl<'a> Frame<'a> {
                 &[(arm[0], 0.0), (arm[1], 0.055 * s), (arm[2], 0.05 * s), (arm[3], 0.03 * s)],
             ),
             joints.part(self.palm(sign), 0.02 * s, &[(arm[2], 0.0), (arm[3], 0.03 * s)]),
-            joints.part(self.thumb(sign), 0.02 * s, &[(arm[3], 0.0)]),
+            joints.part(self.thumb(sign), 0.03 * s, &[(arm[3], 0.0)]),
         ];
         Limb { parts, blend: 0.06 * s }
     }
@@ -305,8 +305,10 @@ impl<'a> Frame<'a> {
         Loft::new(stations.to_vec(), self.arm_direction(sign).cross(&Vec3::z()), [size(0.012); 2])
     }
 
+    /// How far a leg is from the middle; thighs never touch, so that legs stay apart.
     fn leg_x(&self, y: f64) -> f64 {
-        0.092 * self.p.hips + 0.035 * (NOMINAL_HIP - y)
+        let thigh = 0.082 * self.p.limb_girth;
+        (0.092 * self.p.hips).max(thigh + 0.010) + 0.035 * (NOMINAL_HIP - y)
     }
 
     fn leg_joints(&self, sign: f64) -> [(&'static str, Vec3); 4] {

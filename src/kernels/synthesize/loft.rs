@@ -156,13 +156,10 @@ impl Loft {
     fn nearest(&self, point: Vec3, start: f64) -> f64 {
         let end = self.knots[self.knots.len() - 1];
         let mut along = start;
-        for _ in 0..3 {
+        for _ in 0..2 {
             let (centre, direction) = self.axis(along);
             let step = (point - centre).dot(&direction) / direction.norm_squared();
             along = (along + step).clamp(0.0, end);
-            if step.abs() < 1e-7 {
-                break;
-            }
         }
         along
     }

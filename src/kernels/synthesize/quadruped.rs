@@ -244,8 +244,9 @@ impl Frame<'_> {
         Limb { parts: vec![joints.part(loft, 0.0, &moved_by)], blend: 0.06 * self.scale }
     }
 
+    /// How far a leg is from the middle; left and right legs never touch.
     fn leg_x(&self) -> f64 {
-        0.128
+        (0.095 * self.p.limb_girth * (1.15 - 0.2 * self.p.hoofed)).max(0.128)
     }
 
     fn front_joints(&self, sign: f64) -> [(&'static str, Vec3); 5] {
