@@ -4,47 +4,48 @@ use crate::engine::node::NodeKind;
 
 mod clean;
 mod decimate;
+mod descriptors;
 mod download;
 mod eigs;
+mod fmap;
+mod joint_error;
+mod landmarks;
 mod laplacian;
 mod load;
 mod make_body;
 mod normalize;
+mod regressor;
 mod rig;
 mod snapshot;
+mod spectral_regressor;
 mod subdivide;
 mod synthesize;
 mod table;
+mod transfer;
+mod transfer_weights;
+mod zoomout;
+
 /// Every kind. Keep sorted by name.
 pub static ALL: &[NodeKind] = &[
     NodeKind::of::<clean::Clean>(),
     NodeKind::of::<decimate::Decimate>(),
+    NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
     NodeKind::of::<eigs::Eigs>(),
+    NodeKind::of::<fmap::Fmap>(),
+    NodeKind::of::<joint_error::JointError>(),
+    NodeKind::of::<landmarks::LandmarksNode>(),
     NodeKind::of::<laplacian::Laplacian>(),
     NodeKind::of::<load::Load>(),
     NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<normalize::Normalize>(),
+    NodeKind::of::<regressor::RegressorNode>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<snapshot::Snapshot>(),
+    NodeKind::of::<spectral_regressor::SpectralRegressorNode>(),
     NodeKind::of::<subdivide::Subdivide>(),
     NodeKind::of::<synthesize::Synthesize>(),
     NodeKind::of::<table::TableNode>(),
-mod descriptors;
-mod fmap;
-mod joint_error;
-mod landmarks;
-mod regressor;
-mod spectral_regressor;
-mod transfer;
-mod transfer_weights;
-mod zoomout;
-    NodeKind::of::<descriptors::DescriptorsNode>(),
-    NodeKind::of::<fmap::Fmap>(),
-    NodeKind::of::<joint_error::JointError>(),
-    NodeKind::of::<landmarks::LandmarksNode>(),
-    NodeKind::of::<regressor::RegressorNode>(),
-    NodeKind::of::<spectral_regressor::SpectralRegressorNode>(),
     NodeKind::of::<transfer::Transfer>(),
     NodeKind::of::<transfer_weights::TransferWeights>(),
     NodeKind::of::<zoomout::ZoomOut>(),
