@@ -45,7 +45,8 @@ pub struct Load {
     /// glTF: which pose is the rest pose.
     #[serde(default)]
     pub rest: Rest,
-    /// glTF: the clip that is read, by its name; the first if it is not given.
+    /// glTF: the clip that is read, by its name or what follows the last `|` in it; the first if it is
+    /// not given.
     #[serde(default)]
     pub clip: Option<String>,
     /// glTF: the rate at which the clip is sampled, in frames a second.
@@ -157,7 +158,10 @@ impl Load {
 
     fn chosen_clip(&self, clips: &[Clip]) -> Result<Option<Clip>, NodeError> {
         let Some(name) = &self.clip else { return Ok(clips.first().cloned()) };
-        let found = clips.iter().find(|it| it.name == *name).cloned();
+        // Exporters put the name of the armature before that of the clip: `Armature|Walk`.
+        let short = |it: &Clip| it.name.rsplit('|').next() == Some(name.as_str());
+        let exact = clips.iter().find(|it| it.name == *name);
+        let found = exact.or_else(|| clips.iter().find(|it| short(it))).cloned();
         if found.is_none() {
             let names: Vec<String> = clips.iter().map(|it| format!("`{}`", it.name)).collect();
             let known = if names.is_empty() { "none".to_owned() } else { names.join(", ") };

@@ -9,7 +9,10 @@ use super::{
     read::read_character,
     stl::write_stl,
 };
-use crate::kernels::mesh::{TriMesh, Vec3};
+use crate::kernels::{
+    mesh::{TriMesh, Vec3},
+    random::Random,
+};
 
 fn files() -> Vec<(&'static str, Vec<u8>)> {
     let vertices = vec![Vec3::zeros(), Vec3::x(), Vec3::y(), Vec3::z()];
@@ -58,15 +61,8 @@ fn beginnings_of_files_are_errors_or_meshes() {
 
 #[test]
 fn flipped_bits_never_panic() {
-    let mut state = 1u64;
-    let mut random = move |below: usize| {
-        // splitmix64
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut it = state;
-        it = (it ^ (it >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        it = (it ^ (it >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (it ^ (it >> 31)) as usize % below
-    };
+    let mut random = Random::new(1);
+    let mut random = move |below: usize| random.next_u64() as usize % below;
     for (extension, bytes) in files() {
         for _ in 0..1000 {
             let mut damaged = bytes.clone();

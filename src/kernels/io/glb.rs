@@ -412,9 +412,9 @@ pub(super) fn small_rig() -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernels::io::{
-        character::world_frames,
-        gltf::{GltfOptions, read_gltf},
+    use crate::kernels::{
+        io::gltf::{GltfOptions, read_gltf},
+        skinning::skin,
     };
 
     /// Two triangles on a bent arm of four joints, and a clip.
@@ -489,28 +489,10 @@ mod tests {
             assert!((read_clip.translations[index] - clip.translations[index]).norm() < 1e-6);
         }
         for frame in 0..20 {
-            let posed = skinned(&mesh, &skeleton, &weights, &clip, frame);
-            let again = skinned(&read.mesh, &read_skeleton, &read_weights, read_clip, frame);
+            let posed = skin(&mesh, &skeleton, &weights, &clip, frame).unwrap();
+            let again = skin(&read.mesh, &read_skeleton, &read_weights, read_clip, frame).unwrap();
             assert!(posed.iter().zip(&again).all(|(a, b)| (a - b).norm() < 3e-6), "frame {frame}");
         }
-    }
-
-    /// Linear blend skinning.
-    fn skinned(
-        mesh: &TriMesh,
-        skeleton: &Skeleton,
-        weights: &SkinWeights,
-        clip: &Clip,
-        frame: usize,
-    ) -> Vec<Vec3> {
-        let (rotations, positions) = world_frames(clip, skeleton.parents(), frame);
-        let moved = |vertex: usize, joint: usize| {
-            rotations[joint] * (mesh.vertices()[vertex] - skeleton.positions()[joint])
-                + positions[joint]
-        };
-        (0..mesh.n_vertices())
-            .map(|it| weights.row(it).map(|(q, w)| moved(it, q as usize) * w).sum())
-            .collect()
     }
 
     #[test]
