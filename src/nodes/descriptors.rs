@@ -70,6 +70,7 @@ impl Node for DescriptorsNode {
         cites: &["aubry2011wave", "sun2009concise", "musoni2021functional"],
         example: r#"[nodes.body]
 kind = "synthesize"
+n_vertices = 1000
 
 [nodes.operator]
 kind = "laplacian"

@@ -63,6 +63,7 @@ impl Node for Fmap {
         cites: &["ovsjanikov2012functional", "nogneng2017informative", "musoni2021functional"],
         example: r#"[nodes.body]
 kind = "synthesize"
+n_vertices = 1000
 
 [nodes.operator]
 kind = "laplacian"

@@ -45,6 +45,7 @@ impl Node for JointError {
         cites: &[],
         example: r#"[nodes.body]
 kind = "synthesize"
+n_vertices = 1000
 
 [nodes.score]
 kind = "joint_error"

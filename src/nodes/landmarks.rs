@@ -103,6 +103,7 @@ impl Node for LandmarksNode {
         cites: &[],
         example: r#"[nodes.body]
 kind = "synthesize"
+n_vertices = 1000
 
 [nodes.tips]
 kind = "landmarks"

@@ -56,6 +56,7 @@ impl Node for RegressorNode {
         cites: &["musoni2021functional"],
         example: r#"[nodes.body]
 kind = "synthesize"
+n_vertices = 1000
 
 [nodes.regressor]
 kind = "regressor"

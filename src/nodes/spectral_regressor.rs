@@ -39,6 +39,7 @@ impl Node for SpectralRegressorNode {
         cites: &["musoni2021functional"],
         example: r#"[nodes.body]
 kind = "synthesize"
+n_vertices = 1000
 
 [nodes.operator]
 kind = "laplacian"

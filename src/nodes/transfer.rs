@@ -95,6 +95,7 @@ impl Node for Transfer {
         cites: &["musoni2021functional"],
         example: r#"[nodes.body]
 kind = "synthesize"
+n_vertices = 1000
 
 [nodes.operator]
 kind = "laplacian"

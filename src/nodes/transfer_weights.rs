@@ -54,6 +54,7 @@ impl Node for TransferWeights {
         cites: &["musoni2021functional"],
         example: r#"[nodes.body]
 kind = "synthesize"
+n_vertices = 1000
 
 [nodes.operator]
 kind = "laplacian"

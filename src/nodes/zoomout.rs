@@ -67,6 +67,7 @@ impl Node for ZoomOut {
         cites: &["melzi2019zoomout", "musoni2021functional"],
         example: r#"[nodes.body]
 kind = "synthesize"
+n_vertices = 1000
 
 [nodes.operator]
 kind = "laplacian"
