@@ -4,6 +4,9 @@
 //! so the result has the same bytes at any number of threads. The chunk of the thinner factor stays
 //! in the processor's cache meanwhile.
 
+use faer::diag::Diag;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_scratch};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 use rayon::prelude::*;
@@ -23,10 +26,13 @@ pub fn inner_products(a: MatRef<'_, f64>, b: MatRef<'_, f64>) -> Mat<f64> {
         .map(|chunk| {
             let first_row = chunk * CHUNK;
             let height = CHUNK.min(n_rows - first_row);
-            let mut part = Mat::zeros(a.ncols(), b.ncols());
             let (a, b) = (a.subrows(first_row, height), b.subrows(first_row, height));
-            matmul(part.as_mut(), Accum::Replace, a.transpose(), b, 1.0, Par::Seq);
-            part
+            // The thin factor first: it is the one that gets copied into the order of the product.
+            if b.ncols() < a.ncols() {
+                small_product(b.transpose(), a).transpose().to_owned()
+            } else {
+                small_product(a.transpose(), b)
+            }
         })
         .collect();
     let mut sum = Mat::zeros(a.ncols(), b.ncols());
@@ -62,6 +68,34 @@ pub fn product(a: MatRef<'_, f64>, c: MatRef<'_, f64>) -> Mat<f64> {
     let mut res = Mat::zeros(a.nrows(), c.ncols());
     combine(res.as_mut(), Accum::Replace, a, c, 1.0);
     res
+}
+
+/// `A B` of small matrices, on the calling thread.
+///
+/// # Panics
+/// If the shapes do not fit.
+pub fn small_product(a: MatRef<'_, f64>, b: MatRef<'_, f64>) -> Mat<f64> {
+    let mut res = Mat::zeros(a.nrows(), b.ncols());
+    matmul(res.as_mut(), Accum::Replace, a, b, 1.0, Par::Seq);
+    res
+}
+
+/// All eigenvalues, ascending, and eigenvectors by columns of a symmetric matrix (its lower
+/// triangle); `None` if it is not finite.
+///
+/// On the calling thread: faer's own shorthand cuts the work by the number of threads, and so do
+/// its sums.
+pub fn symmetric_eigen(matrix: MatRef<'_, f64>) -> Option<(Vec<f64>, Mat<f64>)> {
+    let n = matrix.nrows();
+    let with_vectors = ComputeEigenvectors::Yes;
+    let scratch = self_adjoint_evd_scratch::<f64>(n, with_vectors, Par::Seq, Default::default());
+    let mut memory = MemBuffer::new(scratch);
+    let mut values = Diag::zeros(n);
+    let mut vectors = Mat::zeros(n, n);
+    let (values_mut, vectors_mut) = (values.as_mut(), Some(vectors.as_mut()));
+    let stack = MemStack::new(&mut memory);
+    self_adjoint_evd(matrix, values_mut, vectors_mut, Par::Seq, stack, Default::default()).ok()?;
+    Some((values.column_vector().iter().copied().collect(), vectors))
 }
 
 /// Calls `work` with the first row and the rows of every chunk of `target`, in parallel.

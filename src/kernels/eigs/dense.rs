@@ -2,7 +2,8 @@
 
 use super::{EigsError, Pairs};
 use crate::kernels::operator::Operator;
-use faer::{Mat, Side};
+use crate::kernels::tall;
+use faer::Mat;
 
 /// The `k` smallest eigenpairs of `M^-1/2 L M^-1/2`; masses are divided by their sum.
 pub(super) fn solve(operator: &Operator, k: usize) -> Result<Pairs, EigsError> {
@@ -15,15 +16,12 @@ pub(super) fn solve(operator: &Operator, k: usize) -> Result<Pairs, EigsError> {
             matrix[(row, col)] = value / (root_mass[row] * root_mass[col]);
         }
     }
-    let decomposition = matrix
-        .self_adjoint_eigen(Side::Lower)
-        .map_err(|_| EigsError::NotConverged { k, n_vertices: n })?;
+    let (values, vectors) = tall::symmetric_eigen(matrix.as_ref())
+        .ok_or(EigsError::NotConverged { k, n_vertices: n })?;
     let scale = total_mass.sqrt();
-    let vectors = decomposition.U();
     Ok(Pairs {
-        eigenvalues: (0..k).map(|it| decomposition.S()[it] / total_mass).collect(),
+        eigenvalues: values[..k].iter().map(|it| it / total_mass).collect(),
         eigenvectors: Mat::from_fn(n, k, |row, col| vectors[(row, col)] / (root_mass[row] * scale)),
         n_solves: 0,
-        n_factors: 0,
     })
 }

@@ -1,34 +1,26 @@
 //! Factors of the shifted matrix, and solves with blocks of right-hand sides.
 
+use super::EigsError;
 use super::standard::StandardForm;
-use crate::kernels::random::Random;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
-use faer::sparse::linalg::cholesky::supernodal::{
-    SupernodalLdltRef, factorize_supernodal_numeric_ldlt,
-    factorize_supernodal_numeric_ldlt_scratch,
-};
 use faer::reborrow::ReborrowMut;
+use faer::sparse::linalg::cholesky::supernodal::{
+    SupernodalLdltRef, factorize_supernodal_numeric_ldlt, factorize_supernodal_numeric_ldlt_scratch,
+};
 use faer::{MatMut, MatRef, Par};
 use pulp::{Arch, Simd, WithSimd};
 
-/// Right-hand sides of one solve: a row of a panel is a cache line.
-pub(super) const PANEL: usize = 8;
 /// Rows below the diagonal block that are worked on together, which reuses what is in registers.
 const GROUP: usize = 4;
-
-type Line = [f64; PANEL];
 
 /// `L D L^T = B - shift` with unit lower triangular `L` by supernodes: runs of columns whose rows
 /// below the diagonal block are the same.
 ///
-/// `B - shift` is indefinite inside the spectrum. The factorization does not pivot, so its accuracy
-/// is tested by a solve; the number of negative pivots is the number of eigenvalues below the shift
-/// (Sylvester's law of inertia).
+/// With a shift below the spectrum all pivots are positive, and the factorization is stable without
+/// pivoting.
 pub(super) struct ShiftedFactor {
     pub shift: f64,
-    /// The number of eigenvalues below the shift.
-    pub n_below: usize,
     n: usize,
     supernodes: Vec<Supernode>,
     /// For every supernode: the columns of the strict lower triangle of its diagonal block, then
@@ -50,9 +42,11 @@ struct Supernode {
 }
 
 impl ShiftedFactor {
-    /// Factors `B - shift`; `None` if the shift is too close to an eigenvalue (of a leading block)
-    /// for the factors to be accurate.
-    pub fn new(problem: &StandardForm, shift: f64) -> Option<Self> {
+    /// Factors `B - shift`.
+    ///
+    /// # Errors
+    /// [`EigsError::NotPositive`] if a pivot is not positive.
+    pub fn new(problem: &StandardForm, shift: f64) -> Result<Self, EigsError> {
         let symbolic = problem.symbolic();
         let mut packed = vec![0.0; symbolic.len_val()];
         let scratch = factorize_supernodal_numeric_ldlt_scratch::<u32, f64>(
@@ -73,21 +67,19 @@ impl ShiftedFactor {
                     Default::default(),
                 )
             })
-            .ok()?;
-        let factor = Self::from_faer(SupernodalLdltRef::new(symbolic, &packed), problem, shift);
-        factor.is_accurate(problem).then_some(factor)
+            .map_err(|_| not_positive(problem, shift, 0.0))?;
+        let factor = SupernodalLdltRef::new(symbolic, &packed);
+        let res = Self::from_faer(factor, problem.n(), shift);
+        match res.inverse_pivots.iter().find(|&&it| !(it.is_finite() && it > 0.0)) {
+            Some(inverse) => Err(not_positive(problem, shift, 1.0 / inverse)),
+            None => Ok(res),
+        }
     }
 
     /// Copies faer's factor into the order in which solves read it.
-    fn from_faer(
-        factor: SupernodalLdltRef<'_, u32, f64>,
-        problem: &StandardForm,
-        shift: f64,
-    ) -> Self {
-        let n = problem.n();
+    fn from_faer(factor: SupernodalLdltRef<'_, u32, f64>, n: usize, shift: f64) -> Self {
         let mut res = Self {
             shift,
-            n_below: 0,
             n,
             supernodes: Vec::with_capacity(factor.symbolic().n_supernodes()),
             values: Vec::with_capacity(factor.values().len()),
@@ -108,9 +100,7 @@ impl ShiftedFactor {
             });
             for column in 0..n_columns {
                 res.values.extend((column + 1..n_columns).map(|row| block[(row, column)]));
-                let pivot = block[(column, column)];
-                res.n_below += usize::from(pivot < 0.0);
-                res.inverse_pivots.push(1.0 / pivot);
+                res.inverse_pivots.push(1.0 / block[(column, column)]);
             }
             for (group, rows) in pattern.chunks(GROUP).enumerate() {
                 let mut padded = [n as u32; GROUP];
@@ -129,34 +119,28 @@ impl ShiftedFactor {
         res
     }
 
-    /// Solves for a random right-hand side and looks at the residual.
-    fn is_accurate(&self, problem: &StandardForm) -> bool {
-        let mut random = Random::new(self.n as u64);
-        let right = faer::Mat::from_fn(self.n, 1, |_, _| random.uniform() - 0.5);
-        let mut solution = faer::Mat::zeros(self.n, 1);
-        self.solve(right.as_ref(), solution.as_mut());
-        let solution: Vec<f64> = solution.col(0).iter().copied().collect();
-        let image = problem.mul_shifted(self.shift, &solution);
-        let error: f64 = image.iter().zip(right.col(0).iter()).map(|(a, b)| (a - b).powi(2)).sum();
-        // Not `error > ...`, which would let pass what is not a number.
-        error.sqrt() <= 1e-8 * right.norm_l2()
-    }
-
     pub fn n(&self) -> usize {
         self.n
     }
 
-    /// `solution = (B - shift)^-1 right` for `n x p` right-hand sides, `p` at most [`PANEL`].
-    pub fn solve(&self, right: MatRef<'_, f64>, mut solution: MatMut<'_, f64>) {
-        assert!(right.ncols() <= PANEL, "right-hand sides fit into a panel");
-        let mut panel = vec![[0.0; PANEL]; self.n + 1];
-        for column in 0..right.ncols() {
+    /// `solution = (B - shift)^-1 right` for `n x WIDTH` right-hand sides.
+    ///
+    /// All of them go through the factor together, which is read from memory twice a solve; they
+    /// lie side by side meanwhile, so that what belongs to a row is one vector or two.
+    pub fn solve<const WIDTH: usize>(
+        &self,
+        right: MatRef<'_, f64>,
+        mut solution: MatMut<'_, f64>,
+        panel: &mut Vec<[f64; WIDTH]>,
+    ) {
+        panel.resize(self.n + 1, [0.0; WIDTH]);
+        for column in 0..WIDTH {
             for (line, value) in panel.iter_mut().zip(right.col(column).iter()) {
                 line[column] = *value;
             }
         }
-        Arch::new().dispatch(Solve { factor: self, panel: &mut panel });
-        for column in 0..right.ncols() {
+        Arch::new().dispatch(Solve { factor: self, panel });
+        for column in 0..WIDTH {
             for (line, value) in panel.iter().zip(solution.rb_mut().col_mut(column).iter_mut()) {
                 *value = line[column];
             }
@@ -164,39 +148,51 @@ impl ShiftedFactor {
     }
 }
 
-/// Both triangular solves, compiled for every vector width that the processor may have.
-struct Solve<'a> {
-    factor: &'a ShiftedFactor,
-    panel: &'a mut [Line],
+fn not_positive(problem: &StandardForm, shift: f64, pivot: f64) -> EigsError {
+    let shift = shift / problem.total_mass;
+    EigsError::NotPositive { n_vertices: problem.n(), shift, pivot }
 }
 
-impl WithSimd for Solve<'_> {
+/// Both triangular solves, compiled for every vector width that the processor may have.
+struct Solve<'a, const WIDTH: usize> {
+    factor: &'a ShiftedFactor,
+    panel: &'a mut [[f64; WIDTH]],
+}
+
+impl<const WIDTH: usize> WithSimd for Solve<'_, WIDTH> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         // Without vector instructions, a fused product is a slow function call.
         if S::IS_SCALAR {
-            solve_panel::<false>(self.factor, self.panel);
+            solve_panel::<false, WIDTH>(self.factor, self.panel);
         } else {
-            solve_panel::<true>(self.factor, self.panel);
+            solve_panel::<true, WIDTH>(self.factor, self.panel);
         }
     }
 }
 
 #[inline(always)]
-fn solve_panel<const FUSED: bool>(factor: &ShiftedFactor, panel: &mut [Line]) {
+fn solve_panel<const FUSED: bool, const WIDTH: usize>(
+    factor: &ShiftedFactor,
+    panel: &mut [[f64; WIDTH]],
+) {
     for supernode in &factor.supernodes {
-        forward::<FUSED>(factor, supernode, panel);
+        forward::<FUSED, WIDTH>(factor, supernode, panel);
     }
     for supernode in factor.supernodes.iter().rev() {
-        backward::<FUSED>(factor, supernode, panel);
+        backward::<FUSED, WIDTH>(factor, supernode, panel);
     }
 }
 
 /// `L y = x` for the columns of one supernode.
 #[inline(always)]
-fn forward<const FUSED: bool>(factor: &ShiftedFactor, node: &Supernode, panel: &mut [Line]) {
+fn forward<const FUSED: bool, const WIDTH: usize>(
+    factor: &ShiftedFactor,
+    node: &Supernode,
+    panel: &mut [[f64; WIDTH]],
+) {
     let below = node.first_column + node.n_columns;
     let (own, rest) = panel.split_at_mut(below);
     let own = &mut own[node.first_column..];
@@ -205,20 +201,20 @@ fn forward<const FUSED: bool>(factor: &ShiftedFactor, node: &Supernode, panel: &
         let pivot_line = own[column];
         let (values, next) = triangle.split_at(own.len() - column - 1);
         for (line, value) in own[column + 1..].iter_mut().zip(values) {
-            subtract::<FUSED>(line, *value, &pivot_line);
+            subtract::<FUSED, WIDTH>(line, *value, &pivot_line);
         }
         triangle = next;
     }
     for (rows, values) in factor.groups(node).iter().zip(groups.chunks_exact(GROUP * own.len())) {
-        let mut sums = [[0.0; PANEL]; GROUP];
+        let mut sums = [[0.0; WIDTH]; GROUP];
         for (line, values) in own.iter().zip(values.chunks_exact(GROUP)) {
             for it in 0..GROUP {
-                subtract::<FUSED>(&mut sums[it], values[it], line);
+                subtract::<FUSED, WIDTH>(&mut sums[it], values[it], line);
             }
         }
         for it in 0..GROUP {
             let line = &mut rest[rows[it] as usize - below];
-            for lane in 0..PANEL {
+            for lane in 0..WIDTH {
                 line[lane] += sums[it][lane];
             }
         }
@@ -227,7 +223,11 @@ fn forward<const FUSED: bool>(factor: &ShiftedFactor, node: &Supernode, panel: &
 
 /// `D L^T x = y` for the columns of one supernode.
 #[inline(always)]
-fn backward<const FUSED: bool>(factor: &ShiftedFactor, node: &Supernode, panel: &mut [Line]) {
+fn backward<const FUSED: bool, const WIDTH: usize>(
+    factor: &ShiftedFactor,
+    node: &Supernode,
+    panel: &mut [[f64; WIDTH]],
+) {
     let below = node.first_column + node.n_columns;
     let (own, rest) = panel.split_at_mut(below);
     let own = &mut own[node.first_column..];
@@ -241,7 +241,7 @@ fn backward<const FUSED: bool>(factor: &ShiftedFactor, node: &Supernode, panel: 
         let lines = rows.map(|row| rest[row as usize - below]);
         for (line, values) in own.iter_mut().zip(values.chunks_exact(GROUP)) {
             for it in 0..GROUP {
-                subtract::<FUSED>(line, values[it], &lines[it]);
+                subtract::<FUSED, WIDTH>(line, values[it], &lines[it]);
             }
         }
     }
@@ -251,7 +251,7 @@ fn backward<const FUSED: bool>(factor: &ShiftedFactor, node: &Supernode, panel: 
         let (before, values) = rest_of_triangle.split_at(rest_of_triangle.len() - n_values);
         let mut line = own[column];
         for (other, value) in own[column + 1..].iter().zip(values) {
-            subtract::<FUSED>(&mut line, *value, other);
+            subtract::<FUSED, WIDTH>(&mut line, *value, other);
         }
         own[column] = line;
         rest_of_triangle = before;
@@ -260,8 +260,12 @@ fn backward<const FUSED: bool>(factor: &ShiftedFactor, node: &Supernode, panel: 
 
 /// `target -= factor * line`.
 #[inline(always)]
-fn subtract<const FUSED: bool>(target: &mut Line, factor: f64, line: &Line) {
-    for lane in 0..PANEL {
+fn subtract<const FUSED: bool, const WIDTH: usize>(
+    target: &mut [f64; WIDTH],
+    factor: f64,
+    line: &[f64; WIDTH],
+) {
+    for lane in 0..WIDTH {
         target[lane] = if FUSED {
             (-factor).mul_add(line[lane], target[lane])
         } else {

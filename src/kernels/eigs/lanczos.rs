@@ -1,27 +1,39 @@
 //! Block Lanczos on the inverse of the shifted matrix.
 
-use super::factor::{PANEL, ShiftedFactor};
+use super::factor::ShiftedFactor;
 use super::{Observer, Phase};
 use crate::kernels::random::Random;
 use crate::kernels::tall;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::{cholesky_in_place, cholesky_in_place_scratch};
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::reborrow::ReborrowMut;
-use faer::{Mat, MatMut, Par, Side};
+use faer::{Mat, MatMut, MatRef, Par};
 
-/// A growing Krylov space of `(B - shift)^-1`, which the eigenvalues nearest to the shift enter
-/// first, from both sides (Grimes, Lewis & Simon 1994).
+/// Vectors of a block. Larger ones need fewer passes over the factor but a larger space.
+pub(super) const BLOCK: usize = 4;
+/// Blocks between two orthogonalizations against the whole space, at first.
+const EVERY: usize = 4;
+
+/// A growing Krylov space of `(B - shift)^-1`, which the eigenvectors nearest to the shift enter
+/// first.
+///
+/// New blocks are made orthogonal to the two before them, which is enough in exact arithmetic, and
+/// to the whole space only every few steps: inner products up to the root of the rounding unit do
+/// not harm the projected problem (semi-orthogonality: Simon 1984; by pairs of blocks: Grimes,
+/// Lewis & Simon 1994).
 pub(super) struct Lanczos<'a> {
     factor: &'a ShiftedFactor,
-    n_block: usize,
-    /// Orthonormal columns: what is known beforehand, then blocks; the last block is yet to be
-    /// multiplied. The rest is room to grow.
+    /// Orthonormal columns; the last block is yet to be multiplied. The rest is room to grow.
     space: Mat<f64>,
     /// `space^T (B - shift)^-1 space`, as far as it is known: `n_done` columns.
     projected: Mat<f64>,
     n_done: usize,
     /// The triangle that couples the last block to those before.
     coupling: Mat<f64>,
-    n_solves: usize,
+    n_since_full: usize,
+    every: usize,
+    panel: Vec<[f64; BLOCK]>,
     random: Random,
     observer: &'a dyn Observer,
 }
@@ -37,115 +49,128 @@ pub(super) struct RitzPairs {
 }
 
 impl<'a> Lanczos<'a> {
-    /// Starts from a random block; `known` is a unit eigenvector with the eigenvalue zero.
-    pub fn new(
-        factor: &'a ShiftedFactor,
-        known: Option<&[f64]>,
-        n_block: usize,
-        capacity: usize,
-        seed: u64,
-        observer: &'a dyn Observer,
-    ) -> Self {
-        let n = factor.n();
-        let n_known = usize::from(known.is_some());
-        let capacity = capacity.max(n_known + 2 * n_block);
+    /// Starts from a random block, with room for `capacity` columns.
+    pub fn new(factor: &'a ShiftedFactor, capacity: usize, observer: &'a dyn Observer) -> Self {
+        let capacity = capacity.max(2 * BLOCK);
         let mut res = Self {
             factor,
-            n_block,
-            space: Mat::zeros(n, capacity),
+            space: Mat::zeros(factor.n(), capacity),
             projected: Mat::zeros(capacity, capacity),
-            n_done: n_known,
-            coupling: Mat::zeros(n_block, n_block),
-            n_solves: 0,
-            random: Random::new(seed),
+            n_done: 0,
+            coupling: Mat::zeros(BLOCK, BLOCK),
+            n_since_full: 0,
+            every: EVERY,
+            panel: vec![],
+            random: Random::new(1),
             observer,
         };
         observer.enter(Phase::Orthogonalization);
-        if let Some(known) = known {
-            res.space.col_mut(0).iter_mut().zip(known).for_each(|(to, from)| *to = *from);
-            res.projected[(0, 0)] = -1.0 / factor.shift;
-        }
-        let mut start = res.random_block();
-        res.remove_space(start.as_mut(), n_known);
-        res.orthonormalize(start.as_mut(), n_known);
-        res.space.subcols_mut(n_known, n_block).copy_from(&start);
+        let mut start = Mat::from_fn(factor.n(), BLOCK, |_, _| res.random.uniform() - 0.5);
+        res.orthonormalize(start.as_mut(), 0);
+        res.space.subcols_mut(0, BLOCK).copy_from(&start);
         res
     }
 
+    /// The number of right-hand sides that were solved for.
     pub fn n_solves(&self) -> usize {
-        self.n_solves
+        self.n_done
     }
 
-    /// Enlarges the space until the `n_below` pairs next below the shift and the `n_above` next
-    /// above it have residuals `|B x - lambda x| <= tolerance`; `None` if the space becomes as large
-    /// as the matrix before.
-    pub fn converge(
-        &mut self,
-        n_below: usize,
-        n_above: usize,
-        tolerance: f64,
-    ) -> Option<RitzPairs> {
-        let n_wanted = n_below + n_above;
-        let mut next_check = self.n_done.max((19 * n_wanted).div_ceil(10) + 2 * self.n_block);
+    /// Enlarges the space until the `n_wanted` pairs nearest to the shift have residuals
+    /// `|B x - lambda x| <= tolerance lambda_last`; `None` if the space becomes as large as the
+    /// matrix before.
+    pub fn converge(&mut self, n_wanted: usize, tolerance: f64) -> Option<RitzPairs> {
+        let mut next_check = (2 * n_wanted).max(n_wanted + 8 * BLOCK);
         let mut last: Option<(usize, f64)> = None;
         loop {
             while self.n_done < next_check {
-                if self.n_done + 2 * self.n_block > self.space.nrows() {
+                if self.n_done + 2 * BLOCK > self.space.nrows() {
                     return None;
                 }
                 self.step();
             }
             let pairs = self.ritz_pairs();
-            let error = pairs.largest_residual(n_below, n_above);
-            if error <= tolerance {
+            let error = pairs.largest_residual(n_wanted) / tolerance;
+            if error <= 1.0 {
                 return Some(pairs);
             }
-            let n_missing = steps_to_go(last, (self.n_done, error), tolerance)
-                .unwrap_or(n_wanted as f64 * 0.12)
-                .clamp(1.0, (n_wanted as f64 / 3.0).max(1.0));
+            let guess = steps_to_go(last, (self.n_done, error));
             last = Some((self.n_done, error));
-            next_check = self.n_done + n_missing as usize + 1;
+            let n_missing = guess.unwrap_or(0.1 * n_wanted as f64);
+            let most = (n_wanted / 3).max(4 * BLOCK) as f64;
+            next_check = self.n_done + n_missing.clamp(1.0, most) as usize;
         }
     }
 
     /// Multiplies the last block and makes the next one of what is new in the result.
     fn step(&mut self) {
-        let (n_block, n_done) = (self.n_block, self.n_done);
-        self.reserve(n_done + 2 * n_block);
+        let m = self.n_done;
+        self.reserve(m + 2 * BLOCK);
         self.observer.enter(Phase::Solves);
-        let mut block = Mat::zeros(self.space.nrows(), n_block);
-        for begin in (0..n_block).step_by(PANEL) {
-            let width = PANEL.min(n_block - begin);
-            let right = self.space.subcols(n_done + begin, width);
-            self.factor.solve(right, block.subcols_mut(begin, width));
-        }
-        self.n_solves += n_block;
+        let (done, mut next) = self.space.as_mut().split_at_col_mut(m + BLOCK);
+        let right = done.subcols(m, BLOCK);
+        self.factor.solve::<BLOCK>(
+            right.as_ref(),
+            next.rb_mut().subcols_mut(0, BLOCK),
+            &mut self.panel,
+        );
+
         self.observer.enter(Phase::Orthogonalization);
-        let products = self.remove_space(block.as_mut(), n_done + n_block);
-        for col in 0..n_block {
-            for row in 0..n_done + col + 1 {
-                self.projected[(row, n_done + col)] = products[(row, col)];
-                self.projected[(n_done + col, row)] = products[(row, col)];
+        let mut block = self.space.subcols(m + BLOCK, BLOCK).to_owned();
+        let first = m.saturating_sub(BLOCK);
+        let products = remove(block.as_mut(), self.space.subcols(first, m + BLOCK - first));
+        for col in 0..BLOCK {
+            for row in 0..=col {
+                let product = products[(m - first + row, col)];
+                self.projected[(m + row, m + col)] = product;
+                self.projected[(m + col, m + row)] = product;
             }
         }
-        self.coupling = self.orthonormalize(block.as_mut(), n_done + n_block);
-        self.space.subcols_mut(n_done + n_block, n_block).copy_from(&block);
-        self.n_done += n_block;
+        self.coupling = self.orthonormalize(block.as_mut(), m + BLOCK);
+        self.n_since_full += 1;
+        if self.n_since_full >= self.every && m > 0 {
+            self.orthogonalize_fully(block.as_mut());
+        }
+        for col in 0..BLOCK {
+            for row in 0..=col {
+                let entry = self.coupling[(row, col)];
+                self.projected[(m + BLOCK + row, m + col)] = entry;
+                self.projected[(m + col, m + BLOCK + row)] = entry;
+            }
+        }
+        self.space.subcols_mut(m + BLOCK, BLOCK).copy_from(&block);
+        self.n_done += BLOCK;
     }
 
-    /// Removes the first `n_columns` of the space from a block; returns the inner products.
-    fn remove_space(&self, block: MatMut<'_, f64>, n_columns: usize) -> Mat<f64> {
-        let space = self.space.subcols(0, n_columns);
-        let products = tall::inner_products(space, block.as_ref());
-        tall::add_product(block, space, products.as_ref(), -1.0);
-        products
+    /// Makes the last two blocks orthogonal to all before them: one alone would be spoilt again by
+    /// the other in the next step.
+    fn orthogonalize_fully(&mut self, mut block: MatMut<'_, f64>) {
+        let m = self.n_done;
+        let n_rows = self.space.nrows();
+        let mut both = Mat::zeros(n_rows, 2 * BLOCK);
+        both.subcols_mut(0, BLOCK).copy_from(self.space.subcols(m, BLOCK));
+        both.subcols_mut(BLOCK, BLOCK).copy_from(block.as_ref());
+        let lost = remove(both.as_mut(), self.space.subcols(0, m)).norm_max();
+        // Less often while nothing is lost; the aim is well below the root of the rounding unit.
+        if lost > 1e-9 {
+            self.every = (self.every - 1).max(1);
+        } else if lost < 1e-11 {
+            self.every = (self.every + 1).min(4 * EVERY);
+        }
+        self.n_since_full = 0;
+        self.orthonormalize(both.subcols_mut(0, BLOCK), m);
+        self.space.subcols_mut(m, BLOCK).copy_from(both.subcols(0, BLOCK));
+        block.copy_from(both.subcols(BLOCK, BLOCK));
+        remove(block.rb_mut(), self.space.subcols(m, BLOCK));
+        let triangle = self.orthonormalize(block, m + BLOCK);
+        self.coupling = tall::small_product(triangle.as_ref(), self.coupling.as_ref());
     }
 
     /// Replaces a block by orthonormal columns, returns the upper triangle that gives it back.
     ///
     /// Cholesky's factor of the Gram matrix, twice if the first is inaccurate. Where the block has
-    /// not its full rank (an invariant space is exhausted), random columns fill it up, and the
-    /// triangle has zeros for them.
+    /// not its full rank (an invariant space is exhausted), random columns orthogonal to the first
+    /// `n_columns` of the space fill it up.
     fn orthonormalize(&mut self, mut block: MatMut<'_, f64>, n_columns: usize) -> Mat<f64> {
         let Some((triangle, conditioning)) = cholesky_qr(block.rb_mut()) else {
             return self.fill_up(block, n_columns);
@@ -154,46 +179,38 @@ impl<'a> Lanczos<'a> {
             return triangle;
         }
         match cholesky_qr(block.rb_mut()) {
-            Some((second, _)) => &second * &triangle,
+            Some((second, _)) => tall::small_product(second.as_ref(), triangle.as_ref()),
             None => self.fill_up(block, n_columns),
         }
     }
 
     /// Gram-Schmidt by columns; a column without anything new is replaced by a random one.
     fn fill_up(&mut self, mut block: MatMut<'_, f64>, n_columns: usize) -> Mat<f64> {
-        let n_block = block.ncols();
         let original = block.as_ref().to_owned();
-        for col in 0..n_block {
+        for col in 0..BLOCK {
             let mut column = block.as_ref().subcols(col, 1).to_owned();
-            let mut size = column.norm_l2();
-            for attempt in 0.. {
+            loop {
+                let size = column.norm_l2();
                 for _ in 0..2 {
-                    self.remove_space(column.as_mut(), n_columns);
-                    let before = block.as_ref().subcols(0, col);
-                    let products = tall::inner_products(before, column.as_ref());
-                    tall::add_product(column.as_mut(), before, products.as_ref(), -1.0);
+                    remove(column.as_mut(), self.space.subcols(0, n_columns));
+                    remove(column.as_mut(), block.as_ref().subcols(0, col));
                 }
                 let rest = column.norm_l2();
-                if rest > 1e-8 * size || attempt > 8 {
-                    column = faer::Scale(1.0 / rest) * column;
+                if rest > 1e-8 * size {
+                    column *= faer::Scale(1.0 / rest);
                     break;
                 }
-                column = self.random_block().subcols(0, 1).to_owned();
-                size = column.norm_l2();
+                column = Mat::from_fn(block.nrows(), 1, |_, _| self.random.uniform() - 0.5);
             }
             block.rb_mut().subcols_mut(col, 1).copy_from(&column);
         }
         let mut triangle = tall::inner_products(block.as_ref(), original.as_ref());
-        for col in 0..n_block {
-            for row in col + 1..n_block {
+        for col in 0..BLOCK {
+            for row in col + 1..BLOCK {
                 triangle[(row, col)] = 0.0;
             }
         }
         triangle
-    }
-
-    fn random_block(&mut self) -> Mat<f64> {
-        Mat::from_fn(self.space.nrows(), self.n_block, |_, _| self.random.uniform() - 0.5)
     }
 
     /// Makes room for columns, by half of what there is.
@@ -207,95 +224,92 @@ impl<'a> Lanczos<'a> {
     }
 
     /// Solves the projected problem.
-    fn ritz_pairs(&self) -> RitzPairs {
+    fn ritz_pairs(&mut self) -> RitzPairs {
         self.observer.enter(Phase::SmallEigenproblems);
         let m = self.n_done;
+        let last = m - BLOCK;
         let small = self.projected.submatrix(0, 0, m, m);
-        let decomposition =
-            small.self_adjoint_eigen(Side::Lower).expect("the projected matrix is finite");
-        let coefficients = decomposition.U().to_owned();
-        let last_rows = coefficients.subrows(m - self.n_block, self.n_block);
-        RitzPairs {
-            inverses: decomposition.S().column_vector().iter().copied().collect(),
-            residuals: &self.coupling * last_rows,
-            coefficients,
-            shift: self.factor.shift,
-        }
+        let (inverses, coefficients) =
+            tall::symmetric_eigen(small).expect("the projected matrix is finite");
+        let last_rows = coefficients.subrows(last, BLOCK);
+        let residuals = tall::small_product(self.coupling.as_ref(), last_rows);
+        RitzPairs { inverses, residuals, coefficients, shift: self.factor.shift }
     }
 
-    /// Eigenvectors of `B` for the pairs `range` of [`RitzPairs::nearest`], as columns.
+    /// The eigenvalues of `B` nearest above the shift, ascending, and their vectors as columns.
     ///
-    /// They are the Ritz vectors after one more multiplication, which costs no solve: with
+    /// The vectors are Ritz vectors after one more multiplication, which costs no solve: with
     /// `A = (B - shift)^-1` and `A x = theta x + r`, the vector `x + r / theta` is `A x / theta`.
-    /// Rounding and what has not converged in it is damped where `B` is large (Nour-Omid et al. 1987).
-    pub fn vectors(&self, pairs: &RitzPairs, columns: &[usize]) -> Mat<f64> {
+    /// It has the residual `r / theta^2` with respect to `B` (Nour-Omid et al. 1987).
+    pub fn eigenpairs(&self, pairs: &RitzPairs, n_wanted: usize) -> (Vec<f64>, Mat<f64>) {
+        self.observer.enter(Phase::RitzVectors);
         let m = pairs.inverses.len();
-        let coefficients = Mat::from_fn(m + self.n_block, columns.len(), |row, col| {
-            let pair = columns[col];
+        let coefficients = Mat::from_fn(m + BLOCK, n_wanted, |row, col| {
+            let pair = m - 1 - col;
             if row < m {
                 pairs.coefficients[(row, pair)]
             } else {
                 pairs.residuals[(row - m, pair)] / pairs.inverses[pair]
             }
         });
-        tall::product(self.space.subcols(0, m + self.n_block), coefficients.as_ref())
+        let vectors = tall::product(self.space.subcols(0, m + BLOCK), coefficients.as_ref());
+        let eigenvalues =
+            pairs.inverses.iter().rev().take(n_wanted).map(|it| pairs.shift + 1.0 / it).collect();
+        (eigenvalues, vectors)
     }
 }
 
 impl RitzPairs {
-    /// The pair that belongs to the `index`-th eigenvalue below the shift, from the nearest on.
-    pub fn below(&self, index: usize) -> usize {
-        index
-    }
-
-    /// The pair that belongs to the `index`-th eigenvalue above the shift, from the nearest on.
-    pub fn above(&self, index: usize) -> usize {
-        self.inverses.len() - 1 - index
-    }
-
-    pub fn eigenvalue(&self, pair: usize) -> f64 {
-        self.shift + 1.0 / self.inverses[pair]
-    }
-
-    /// The largest `|B x - lambda x|` of the wanted pairs; infinite if there are not as many yet.
-    fn largest_residual(&self, n_below: usize, n_above: usize) -> f64 {
-        let n_negative = self.inverses.partition_point(|&it| it < 0.0);
-        if n_negative < n_below || self.inverses.len() - n_negative < n_above {
+    /// The largest `|B x - lambda x|` of the pairs nearest to the shift, in parts of the largest of
+    /// their eigenvalues' distances from the shift.
+    fn largest_residual(&self, n_wanted: usize) -> f64 {
+        let m = self.inverses.len();
+        let Some(first) = m.checked_sub(n_wanted) else { return f64::INFINITY };
+        if self.inverses[first] <= 0.0 {
             return f64::INFINITY;
         }
-        let below = (0..n_below).map(|it| self.below(it));
-        let above = (0..n_above).map(|it| self.above(it));
         let residual = |pair: usize| {
             self.residuals.col(pair).norm_l2() / (self.inverses[pair] * self.inverses[pair])
         };
-        below.chain(above).map(residual).fold(0.0, f64::max)
+        (first..m).map(residual).fold(0.0, f64::max) * self.inverses[first]
     }
 }
 
-/// Extrapolates the logarithm of the residual over the size of the space; a little less, since
-/// convergence becomes faster.
-fn steps_to_go(last: Option<(usize, f64)>, now: (usize, f64), tolerance: f64) -> Option<f64> {
+/// Removes from a block what lies in the span of orthonormal columns; returns the inner products.
+fn remove(block: MatMut<'_, f64>, space: MatRef<'_, f64>) -> Mat<f64> {
+    let products = tall::inner_products(space, block.as_ref());
+    tall::add_product(block, space, products.as_ref(), -1.0);
+    products
+}
+
+/// Extrapolates the logarithm of the residual (in tolerances) over the size of the space; a little
+/// less, since convergence becomes faster.
+fn steps_to_go(last: Option<(usize, f64)>, now: (usize, f64)) -> Option<f64> {
     let (last_size, last_error) = last.filter(|it| it.1.is_finite())?;
     let slope = (now.1 / last_error).ln() / (now.0 - last_size) as f64;
-    (slope < 0.0).then(|| 0.9 * (tolerance / now.1).ln() / slope)
+    (slope < 0.0).then(|| -0.95 * now.1.ln() / slope)
 }
 
 /// `Q` in place and `R`; also the least ratio of a diagonal entry of `R` to its column.
 /// `None` if the columns are numerically dependent.
-fn cholesky_qr(mut block: MatMut<'_, f64>) -> Option<(Mat<f64>, f64)> {
+fn cholesky_qr(block: MatMut<'_, f64>) -> Option<(Mat<f64>, f64)> {
     let gram = tall::inner_products(block.as_ref(), block.as_ref());
-    let n_block = gram.nrows();
-    let factor = gram.llt(Side::Lower).ok()?;
-    let lower = factor.L();
+    let mut lower = gram.clone();
+    let scratch = cholesky_in_place_scratch::<f64>(BLOCK, Par::Seq, Default::default());
+    let mut memory = MemBuffer::new(scratch);
+    let (regularization, stack) = (Default::default(), MemStack::new(&mut memory));
+    cholesky_in_place(lower.as_mut(), regularization, Par::Seq, stack, Default::default()).ok()?;
+    for col in 1..BLOCK {
+        lower.col_mut(col).subrows_mut(0, col).fill(0.0);
+    }
     let ratio = |it: usize| lower[(it, it)] / gram[(it, it)].sqrt();
-    let conditioning = (0..n_block).map(ratio).fold(f64::INFINITY, f64::min);
+    let conditioning = (0..gram.nrows()).map(ratio).fold(f64::INFINITY, f64::min);
+    // Not `<=`, which would let pass what is not a number.
     if !(conditioning > 1e-6) {
         return None;
     }
-    let mut inverse = Mat::<f64>::identity(n_block, n_block);
-    solve_lower_triangular_in_place(lower, inverse.as_mut(), Par::Seq);
-    let copy = block.as_ref().to_owned();
-    let product = tall::product(copy.as_ref(), inverse.transpose());
-    block.copy_from(&product);
+    tall::for_each_chunk(block, |_, chunk| {
+        solve_lower_triangular_in_place(lower.as_ref(), chunk.transpose_mut(), Par::Seq);
+    });
     Some((lower.transpose().to_owned(), conditioning))
 }

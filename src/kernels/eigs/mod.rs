@@ -3,8 +3,10 @@
 mod dense;
 mod factor;
 mod lanczos;
-mod slices;
+mod shift_invert;
 mod standard;
+#[cfg(test)]
+mod tests;
 
 use super::basis::Basis;
 use super::operator::Operator;
@@ -45,8 +47,6 @@ impl Default for EigsOptions {
 pub struct EigsStats {
     /// Whether the dense solver was used.
     pub dense: bool,
-    /// The number of factorizations.
-    pub n_factors: usize,
     /// The number of solves with one right-hand side.
     pub n_solves: usize,
     /// The largest `|L phi - lambda M phi| / (lambda_k |M phi|)`.
@@ -79,21 +79,19 @@ pub enum EigsError {
     )]
     Disconnected { n_components: usize, sizes: String },
     #[error(
+        "the operator is not positive semi-definite: its {n_vertices} x {n_vertices} stiffness plus \
+         {:e} times the mass has the pivot {pivot:e}", -.shift
+    )]
+    NotPositive { n_vertices: usize, shift: f64, pivot: f64 },
+    #[error(
         "the operator is not positive semi-definite: its smallest eigenvalue is {smallest:e}, \
          the largest of the {k} wanted is {largest:e}"
     )]
-    NotPositive { smallest: f64, largest: f64, k: usize },
-    #[error("the {n_vertices} x {n_vertices} matrix minus {shift:e} times the mass has no factors")]
-    Factorization { n_vertices: usize, shift: f64 },
+    Negative { smallest: f64, largest: f64, k: usize },
     #[error("a matrix of {n_vertices} vertices is too large to be factored")]
     TooLarge { n_vertices: usize },
     #[error("{k} eigenpairs of {n_vertices} vertices did not converge")]
     NotConverged { k: usize, n_vertices: usize },
-    #[error(
-        "two computations of eigenvalue {index} disagree ({one:e} and {other:e}): \
-         an eigenvalue was missed"
-    )]
-    Missed { index: usize, one: f64, other: f64 },
     #[error(
         "the eigenpairs are inaccurate: the residual is {residual:e} of the largest eigenvalue, \
          the tolerance {tolerance:e}; orthogonality is off by {orthogonality:e}"
@@ -140,16 +138,13 @@ struct Pairs {
     eigenvalues: Vec<f64>,
     eigenvectors: Mat<f64>,
     n_solves: usize,
-    n_factors: usize,
 }
 
 /// Computes the `k` smallest eigenpairs of `L phi = lambda M phi`.
 ///
-/// Spectrum slicing: block Lanczos on `(L - s M)^-1` for a few shifts `s` inside the spectrum
-/// (Grimes, Lewis & Simon 1994), each with a sparse `L D L^T` whose signs count the eigenvalues
-/// below the shift, so that none can be missed unnoticed. Neighbouring slices compute a few pairs
-/// in common, must agree on them, and part where the gap is widest. See `docs/eigs.md` for what was
-/// measured.
+/// Block Lanczos on `(L + s M)^-1` for a small `s`, with a sparse Cholesky factor; small operators
+/// and large shares of the spectrum go to a dense solver. See `docs/eigs.md` for what was measured
+/// and what lost.
 ///
 /// Eigenvectors are `V x k`, orthonormal with respect to the masses, with their largest entry
 /// positive (ties by index); vectors inside a multiple eigenvalue stay arbitrary. The first
@@ -184,20 +179,19 @@ pub fn eigs_observed(
     let largest = pairs.eigenvalues[k - 1];
     if pairs.eigenvalues[0] < -1e-9 * largest.abs() {
         let smallest = pairs.eigenvalues[0];
-        return Err(EigsError::NotPositive { smallest, largest, k });
+        return Err(EigsError::Negative { smallest, largest, k });
     }
     for eigenvalue in &mut pairs.eigenvalues {
         if *eigenvalue < 1e-11 * largest {
             *eigenvalue = 0.0;
         }
     }
-    let Pairs { eigenvalues, mut eigenvectors, n_solves, n_factors } = pairs;
+    let Pairs { eigenvalues, mut eigenvectors, n_solves } = pairs;
     observer.enter(Phase::Verification);
     make_signs_canonical(&mut eigenvectors);
     let basis = Basis { eigenvalues, eigenvectors, mass: operator.mass.clone() };
     let stats = EigsStats {
         dense,
-        n_factors,
         n_solves,
         residual: largest_residual(operator, &basis),
         orthogonality: orthogonality(&basis),
@@ -245,12 +239,12 @@ fn solve_connected(
     observer: &dyn Observer,
 ) -> Result<(Pairs, bool), EigsError> {
     let n_vertices = operator.mass.len();
-    // Slices need a Krylov space about three times as large as the number of pairs.
+    // The Krylov space becomes two or three times as large as the number of pairs.
     if n_vertices <= DENSE || 4 * k > n_vertices {
         observer.enter(Phase::SmallEigenproblems);
         return Ok((dense::solve(operator, k)?, true));
     }
-    Ok((slices::solve(operator, k, observer)?, false))
+    Ok((shift_invert::solve(operator, k, observer)?, false))
 }
 
 /// The vertices of every connected component, ascending, the component of vertex 0 first.
@@ -323,8 +317,7 @@ fn merged(
     }
     let eigenvalues = places.iter().map(|it| solved[it.0].eigenvalues[it.1]).collect();
     let n_solves = solved.iter().map(|it| it.n_solves).sum();
-    let n_factors = solved.iter().map(|it| it.n_factors).sum();
-    Ok((Pairs { eigenvalues, eigenvectors, n_solves, n_factors }, dense))
+    Ok((Pairs { eigenvalues, eigenvectors, n_solves }, dense))
 }
 
 /// The operator of one component.
@@ -346,42 +339,60 @@ fn restricted(operator: &Operator, members: &[usize]) -> Operator {
     }
 }
 
+/// Entries that differ from the largest by less than this part of it count as equal to it: on a
+/// symmetric shape they do so up to rounding, which must not choose the sign.
+const SIGN_TIE: f64 = 1e-6;
+
 /// Turns every vector so that its entry of largest magnitude is positive, the first of equals.
 fn make_signs_canonical(vectors: &mut Mat<f64>) {
-    for mut column in vectors.col_iter_mut() {
-        let mut largest = 0.0f64;
-        for &value in column.rb().iter() {
-            if value.abs() > largest.abs() {
-                largest = value;
-            }
-        }
-        if largest < 0.0 {
+    vectors.par_col_iter_mut().for_each(|mut column| {
+        let largest = column.rb().norm_max();
+        let leading = column.rb().iter().find(|it| it.abs() >= (1.0 - SIGN_TIE) * largest);
+        if leading.is_some_and(|&it| it < 0.0) {
             column.rb_mut().iter_mut().for_each(|it| *it = -*it);
         }
-    }
+    });
 }
 
 /// The largest `|L phi - lambda M phi| / (lambda_k |M phi|)`.
 fn largest_residual(operator: &Operator, basis: &Basis) -> f64 {
     let largest = basis.eigenvalues[basis.k() - 1];
-    let residuals: Vec<f64> = (0..basis.k())
+    let residuals: Vec<f64> = (0..basis.k().div_ceil(TOGETHER))
         .into_par_iter()
-        .map(|index| {
-            let column = basis.eigenvectors.col(index);
-            let vector = column.try_as_col_major().expect("columns are contiguous").as_slice();
-            let image = operator.stiffness.mul_vec(vector);
-            let (mut error, mut size) = (0.0, 0.0);
-            for ((image, value), mass) in image.iter().zip(vector).zip(&operator.mass) {
-                let weighted = mass * value;
-                error += (image - basis.eigenvalues[index] * weighted).powi(2);
-                size += weighted * weighted;
-            }
-            (error / size).sqrt()
+        .flat_map_iter(|group| {
+            let first = group * TOGETHER;
+            residuals(operator, basis, first).into_iter().take(basis.k() - first)
         })
         .collect();
     let worst = residuals.iter().fold(0.0, |max: f64, &it| if it <= max { max } else { it });
     // One pair alone is the constant, whose eigenvalue is no measure.
     if largest > 0.0 { worst / largest } else { worst * operator_scale(operator) }
+}
+
+/// Vectors that are multiplied together: one look at a row of the stiffness serves all of them.
+const TOGETHER: usize = 4;
+
+/// `|L phi - lambda M phi| / |M phi|` of the pairs from `first` on, the last repeated.
+fn residuals(operator: &Operator, basis: &Basis, first: usize) -> [f64; TOGETHER] {
+    let columns: [usize; TOGETHER] = std::array::from_fn(|it| (first + it).min(basis.k() - 1));
+    let vectors = columns.map(|it| basis.eigenvectors.col(it));
+    let lines: Vec<[f64; TOGETHER]> =
+        (0..basis.n_vertices()).map(|row| vectors.map(|it| it[row])).collect();
+    let (mut error, mut size) = ([0.0; TOGETHER], [0.0; TOGETHER]);
+    for (row, line) in lines.iter().enumerate() {
+        let mut image = [0.0; TOGETHER];
+        for (col, value) in operator.stiffness.row(row) {
+            for lane in 0..TOGETHER {
+                image[lane] += value * lines[col][lane];
+            }
+        }
+        for lane in 0..TOGETHER {
+            let weighted = operator.mass[row] * line[lane];
+            error[lane] += (image[lane] - basis.eigenvalues[columns[lane]] * weighted).powi(2);
+            size[lane] += weighted * weighted;
+        }
+    }
+    std::array::from_fn(|lane| f64::sqrt(error[lane] / size[lane]))
 }
 
 /// The area over the mean diagonal of the stiffness: makes a residual free of units.

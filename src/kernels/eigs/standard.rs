@@ -24,8 +24,6 @@ pub(super) struct StandardForm {
     pub root_mass: Vec<f64>,
     /// The sum of the masses: eigenvalues of the operator are those of `B` over it.
     pub total_mass: f64,
-    /// Whether constant functions are in the kernel: rows of `L` add up to zero.
-    pub kills_constants: bool,
     lower: LowerTriangle,
     symbolic: SymbolicCholesky<u32>,
 }
@@ -39,7 +37,7 @@ struct LowerTriangle {
 
 impl StandardForm {
     /// # Errors
-    /// [`EigsError::Factorization`] if the matrix is too large for its indices or for memory.
+    /// [`EigsError::TooLarge`] if the matrix is too large for its indices or for memory.
     pub fn new(operator: &Operator) -> Result<Self, EigsError> {
         let symbolic = symbolic_factorization(operator)?;
         let perm = symbolic.perm().expect("an ordering was asked for");
@@ -65,8 +63,7 @@ impl StandardForm {
             }
             lower.offsets.push(lower.rows.len() as u32);
         }
-        let kills_constants = kills_constants(operator);
-        Ok(Self { order, root_mass, total_mass, kills_constants, lower, symbolic })
+        Ok(Self { order, root_mass, total_mass, lower, symbolic })
     }
 
     /// The pattern of the factors of `B - shift`, which is the same for all shifts.
@@ -95,22 +92,6 @@ impl StandardForm {
         let pattern = SymbolicSparseColMatRef::new_checked(self.n(), self.n(), offsets, None, rows);
         work(SparseColMatRef::new(pattern, &values))
     }
-
-    /// `(B - shift) x`.
-    pub fn mul_shifted(&self, shift: f64, x: &[f64]) -> Vec<f64> {
-        let mut res: Vec<f64> = x.iter().map(|it| -shift * it).collect();
-        for column in 0..self.n() {
-            let range = self.lower.offsets[column] as usize..self.lower.offsets[column + 1] as usize;
-            let rows = &self.lower.rows[range.clone()];
-            for (&row, &value) in rows.iter().zip(&self.lower.values[range]) {
-                res[row as usize] += value * x[column];
-                if row as usize != column {
-                    res[column] += value * x[row as usize];
-                }
-            }
-        }
-        res
-    }
 }
 
 fn symbolic_factorization(operator: &Operator) -> Result<SymbolicCholesky<u32>, EigsError> {
@@ -128,16 +109,4 @@ fn symbolic_factorization(operator: &Operator) -> Result<SymbolicCholesky<u32>, 
     };
     factorize_symbolic_cholesky(pattern, Side::Lower, SymmetricOrdering::Amd, params)
         .map_err(|_| too_large())
-}
-
-/// Whether all rows add up to zero, up to rounding.
-fn kills_constants(operator: &Operator) -> bool {
-    (0..operator.mass.len()).all(|row| {
-        let (mut sum, mut size) = (0.0, 0.0);
-        for (_, value) in operator.stiffness.row(row) {
-            sum += value;
-            size += f64::abs(value);
-        }
-        sum.abs() <= 1e-12 * size
-    })
 }
