@@ -311,3 +311,16 @@ fn a_wrong_number_of_vertices_is_told() {
     let error = synthesize(&SynthesizeOptions { n_vertices: 10, ..small(Body::Biped, 0) });
     assert_eq!(error.unwrap_err(), SynthesizeError::VertexCount { n_vertices: 10 });
 }
+
+/// Factors at the ends of their ranges still give bodies in one piece.
+#[test]
+fn extreme_factors_are_closed_too() {
+    for body in BODIES {
+        for (girth, limb_length, head_size) in [(1.3, 0.75, 1.5), (0.75, 1.3, 0.75)] {
+            let options = SynthesizeOptions { girth, limb_length, head_size, ..small(body, 12) };
+            let character = make(options);
+            check_closed(&character);
+            check_joints_inside(&character, &format!("{body:?} {girth}"));
+        }
+    }
+}
