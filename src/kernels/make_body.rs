@@ -509,7 +509,7 @@ mod tests {
             let (ours, theirs) = (&body.skeleton, expected.skeleton.as_ref().unwrap());
             assert_eq!((ours.names(), ours.parents()), (theirs.names(), theirs.parents()));
             let joints = farthest(ours.positions(), theirs.positions());
-            // The corpus keeps four influences of up to seven.
+            // The corpus keeps four influences of up to seven, in places as 16-bit numbers.
             let theirs = expected.weights.as_ref().unwrap();
             let (four, _) = limit_influences(&body.weights, 4);
             let mut weights = 0.0f64;
@@ -521,7 +521,7 @@ mod tests {
             }
             println!("{subject}: {vertices:.1e} m, joints {joints:.1e} m, weights {weights:.1e}");
             assert!(vertices < tolerance && joints < tolerance, "{subject}");
-            assert!(weights < 2e-5, "{subject}: {weights}");
+            assert!(weights < 1e-4, "{subject}: {weights}");
             assert_eq!(body.landmarks.unwrap().len(), 7);
         }
     }

@@ -65,6 +65,9 @@ pub enum Joints {
     /// One tree of the joints that move the mesh: control bones are dropped, what hangs on them is
     /// hung on the nearest joint, and the weight of what is dropped goes there too.
     Core,
+    /// As `core`, and the tree starts below a root that moves nothing and has a single child: such roots
+    /// stand on the floor, outside of the body.
+    Deforming,
 }
 
 /// Which pose is the rest pose.
@@ -202,8 +205,10 @@ impl Node for Load {
 
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
         let (name, mut character) = self.read(io)?;
-        if self.joints == Joints::Core {
-            character.keep_core_joints();
+        match self.joints {
+            Joints::All => {}
+            Joints::Core => character.keep_core_joints(false),
+            Joints::Deforming => character.keep_core_joints(true),
         }
         let clip = self.chosen_clip(&character.clips)?;
         for note in character.notes {

@@ -42,9 +42,12 @@ impl Character {
     /// The weight of a dropped joint goes to the nearest joint of what remains of its subtree, or
     /// else of the whole tree. World motion of the joints that stay is unchanged. Does nothing
     /// without a skeleton.
-    pub fn keep_core_joints(&mut self) {
+    ///
+    /// A root without weight that has a single child often stands on the floor, outside of the body;
+    /// with `drop_loose_root` the tree starts below it.
+    pub fn keep_core_joints(&mut self, drop_loose_root: bool) {
         let (Some(skeleton), Some(weights)) = (&self.skeleton, &self.weights) else { return };
-        let core = Core::of(skeleton, weights);
+        let core = Core::of(skeleton, weights, drop_loose_root);
         let new_of_old: HashMap<usize, u32> =
             core.kept.iter().enumerate().map(|(new, &old)| (old, new as u32)).collect();
         let n_dropped = skeleton.n_joints() - core.kept.len();
@@ -85,7 +88,7 @@ struct Core {
 }
 
 impl Core {
-    fn of(skeleton: &Skeleton, weights: &SkinWeights) -> Self {
+    fn of(skeleton: &Skeleton, weights: &SkinWeights, drop_loose_root: bool) -> Self {
         let n_joints = skeleton.n_joints();
         let mut own = vec![0.0; n_joints];
         for vertex in 0..weights.n_vertices() {
@@ -117,6 +120,14 @@ impl Core {
             for joint in if hung.is_empty() { vec![other] } else { hung } {
                 parents[joint] = nearest(skeleton, joint, tree.iter().copied()).or(Some(root));
             }
+        }
+        let mut first = root;
+        while drop_loose_root && own[first] == 0.0 {
+            let below_first = |it: &usize| parents[*it] == Some(first) && !dropped[*it];
+            let [child] = (0..n_joints).filter(below_first).collect::<Vec<_>>()[..] else { break };
+            dropped[first] = true;
+            parents[child] = None;
+            first = child;
         }
         Self { kept: ordered(&parents, &dropped), parents }
     }
@@ -288,7 +299,7 @@ mod tests {
     #[test]
     fn core_joints_are_one_tree_that_moves_as_before() {
         let mut character = rigged();
-        character.keep_core_joints();
+        character.keep_core_joints(false);
         let (skeleton, weights) = (character.skeleton.unwrap(), character.weights.unwrap());
         assert_eq!(skeleton.names(), ["root", "spine", "leg", "foot"]);
         assert_eq!(skeleton.parents(), [None, Some(0), Some(1), Some(2)]);
@@ -302,6 +313,17 @@ mod tests {
             assert!((positions[new] - before_at[old]).norm() < 1e-12);
         }
         assert_eq!(character.notes, ["2 of 6 joints are no core joints"]);
+    }
+
+    #[test]
+    fn a_loose_root_is_dropped_on_demand() {
+        let mut character = rigged();
+        character.keep_core_joints(true);
+        let skeleton = character.skeleton.unwrap();
+        assert_eq!(skeleton.names(), ["spine", "leg", "foot"]);
+        assert_eq!(skeleton.parents(), [None, Some(0), Some(1)]);
+        let (_, positions) = world_frames(&character.clips[0], skeleton.parents(), 0);
+        assert!((positions[0] - Vec3::new(0.0, 2.0, 1.0)).norm() < 1e-12);
     }
 
     #[test]

@@ -80,7 +80,7 @@ fn animals_have_the_core_joints_of_the_corpus() {
         assert_eq!(character.mesh.n_vertices(), n_vertices);
         let truth = json(&format!("animals/{name}.joints.json"));
         assert_joints(&character, &truth["joints"], name);
-        character.keep_core_joints();
+        character.keep_core_joints(false);
         assert_joints(&character, &truth["core_joints"], name);
         assert!(character.clips.len() > 5);
     }
@@ -144,7 +144,7 @@ fn rigs_written_and_read_again_move_as_before() {
         let Some(character) = read(path, GltfOptions::default()) else { return };
         let mut before = character.unwrap();
         if core {
-            before.keep_core_joints();
+            before.keep_core_joints(false);
         }
         let (skeleton, weights) = (before.skeleton.as_ref().unwrap(), before.weights.as_ref());
         let rig = GlbRig { skeleton, weights, clips: &before.clips };

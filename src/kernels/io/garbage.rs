@@ -42,7 +42,7 @@ fn read(extension: &str, bytes: &[u8]) -> Result<(), String> {
     let options = GltfOptions::default();
     let character =
         read_character(extension, bytes, &|_| None, options).map_err(|it| it.to_string())?;
-    character.clone().keep_core_joints();
+    character.clone().keep_core_joints(true);
     Ok(())
 }
 
