@@ -25,10 +25,11 @@ pub fn nearest_rows(queries: MatRef<'_, f64>, points: MatRef<'_, f64>) -> Vec<u3
     let scale = 1.0 / largest(queries).max(largest(points)).max(f64::MIN_POSITIVE);
     let queries = Rows::new(queries, scale);
     let points = Rows::new(points, scale);
+    let longest = points.squares.iter().fold(0.0f32, |a, &b| a.max(b));
     let n_tasks = queries.count.div_ceil(QUERIES);
     let tasks = (0..n_tasks).into_par_iter().map(|task| {
         let first = task * QUERIES;
-        nearest_of_block(&queries, first..queries.count.min(first + QUERIES), &points)
+        nearest_of_block(&queries, first..queries.count.min(first + QUERIES), &points, longest)
     });
     tasks.flatten_iter().collect()
 }
@@ -90,10 +91,11 @@ fn nearest_of_block(
     queries: &Rows,
     range: std::ops::Range<usize>,
     points: &Rows,
-) -> impl Iterator<Item = u32> {
+    longest: f32,
+) -> impl Iterator<Item = u32> + use<> {
     let mut best: Vec<Best> =
         range.clone().map(|_| Best { score: f32::INFINITY, candidates: Vec::new() }).collect();
-    let slack: Vec<f32> = range.clone().map(|it| slack(queries, it, points)).collect();
+    let slack: Vec<f32> = range.clone().map(|it| slack(queries, it, longest)).collect();
     let mut scores = Mat::<f32>::zeros(POINTS.min(points.count), range.len());
     for first in (0..points.count).step_by(POINTS) {
         let block = first..points.count.min(first + POINTS);
@@ -125,13 +127,12 @@ fn nearest_of_block(
     rows.into_iter()
 }
 
-/// Twice a bound of the rounding error of any score of a query.
+/// Twice a bound of the rounding error of any score of a query, given the longest point's square.
 ///
 /// In units `u = 2^-24`: rounding of both factors and a sum of `d` products in any order give
 /// `(d + 2) u |q| |p|`, doubled by the factor two; the square and the last sum give
 /// `3 u |p|^2 + 2 u |q| |p|`.
-fn slack(queries: &Rows, query: usize, points: &Rows) -> f32 {
-    let longest = points.squares.iter().fold(0.0f32, |a, &b| a.max(b));
+fn slack(queries: &Rows, query: usize, longest: f32) -> f32 {
     let unit = f64::from(f32::EPSILON) / 2.0;
     let product = f64::from(longest).sqrt() * f64::from(queries.squares[query]).sqrt();
     let error = unit * ((2.0 * queries.dim as f64 + 8.0) * product + 4.0 * f64::from(longest));
