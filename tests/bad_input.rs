@@ -128,20 +128,23 @@ fn a_disconnected_mesh_names_its_parts() {
 
 #[test]
 fn more_eigenpairs_than_vertices() {
-    let tetrahedron = "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
+    let tetrahedron =
+        "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
     let case = Case::new(&format!("{SPECTRUM}k = 9\n")).with("shape.off", tetrahedron);
     case.fails(1, &["FAILED  basis", "9", "4 vertices"]);
 }
 
 #[test]
 fn a_vertex_without_faces_has_no_area() {
-    let shape = "OFF\n5 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n9 9 9\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
+    let shape =
+        "OFF\n5 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n9 9 9\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
     let case = Case::new(&format!("{SPECTRUM}k = 2\n")).with("shape.off", shape);
     case.fails(1, &["FAILED  laplacian", "1 of 5 vertices", "vertex 4"]);
 }
 
 /// Three faces on one edge, one of them twice.
-const FAN: &str = "OFF\n5 4 0\n0 0 0\n0 0 1\n1 0 0\n0 1 0\n-1 0 0\n3 0 1 2\n3 0 1 3\n3 0 1 4\n3 0 1 4\n";
+const FAN: &str =
+    "OFF\n5 4 0\n0 0 0\n0 0 1\n1 0 0\n0 1 0\n-1 0 0\n3 0 1 2\n3 0 1 3\n3 0 1 4\n3 0 1 4\n";
 
 #[test]
 fn non_manifold_and_duplicate_faces_are_worked_with_and_told() {
@@ -189,7 +192,8 @@ fn a_download_of_another_content() {
         "{OK_NODE}[nodes.file]\nkind = \"download\"\nurl = \"data:,hello\"\nblake3 = \"{}\"\n",
         "0".repeat(64)
     );
-    Case::new(&text).fails(3, &["FAILED  file", &"0".repeat(64), "ea8f163db38682925e4491c5e58d4bb3"]);
+    Case::new(&text)
+        .fails(3, &["FAILED  file", &"0".repeat(64), "ea8f163db38682925e4491c5e58d4bb3"]);
 }
 
 #[test]
@@ -264,5 +268,8 @@ fn missing_files_are_mistakes_of_the_pipeline() {
     let run = case.run();
     assert_eq!(run.code, 2, "{}", run.stderr);
     assert!(run.stderr.contains("nowhere.obj"), "{}", run.stderr);
-    assert!(!Path::new(&case.path("cache")).exists(), "nothing is made before everything is checked");
+    assert!(
+        !Path::new(&case.path("cache")).exists(),
+        "nothing is made before everything is checked"
+    );
 }

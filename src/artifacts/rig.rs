@@ -55,13 +55,9 @@ impl Artifact for Rig {
         if extension != "glb" {
             return Err(format!("a rig cannot be written as .{extension}"));
         }
-        let rig = GlbRig {
-            skeleton: &self.skeleton,
-            weights: Some(&self.weights),
-            clips: &self.clips,
-        };
-        let scene =
-            GlbScene { mesh: &self.mesh, colours: None, rig: Some(rig), max_influences: 4 };
+        let rig =
+            GlbRig { skeleton: &self.skeleton, weights: Some(&self.weights), clips: &self.clips };
+        let scene = GlbScene { mesh: &self.mesh, colours: None, rig: Some(rig), max_influences: 4 };
         Ok(write_glb(scene).bytes)
     }
 

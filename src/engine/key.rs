@@ -82,13 +82,14 @@ pub struct Difference {
     pub new: String,
 }
 
+/// Digests of inputs and files are left out: they tell a person nothing.
 impl std::fmt::Display for Difference {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         if let Some(input) = self.what.strip_prefix("inputs.") {
-            return write!(f, "input `{input}` changed ({} -> {})", self.old, self.new);
+            return write!(f, "input `{input}` changed");
         }
         if let Some(file) = self.what.strip_prefix("files.") {
-            return write!(f, "file `{file}` changed ({} -> {})", self.old, self.new);
+            return write!(f, "file `{file}` changed");
         }
         let what = self.what.strip_prefix("params.").unwrap_or(&self.what);
         write!(f, "`{what}`: {} -> {}", self.old, self.new)

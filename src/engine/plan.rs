@@ -166,7 +166,12 @@ pub fn key_of<'a>(
     for (path, real) in &instance.files {
         let name = match declared.iter().find(|it| it.1.0 == *path) {
             Some((field, _)) => (*field).to_owned(),
-            None => path.display().to_string(),
+            // A side file counts by its place beside the file that refers to it, wherever both are.
+            None => {
+                let folders = declared.iter().filter_map(|it| it.1.0.parent());
+                let beside = folders.filter_map(|it| path.strip_prefix(it).ok()).next();
+                beside.unwrap_or(path).display().to_string()
+            }
         };
         let digest = memory
             .file_digest(real)

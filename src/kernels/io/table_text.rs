@@ -52,7 +52,8 @@ pub fn write_json(table: &Table) -> String {
     serde_json::to_string_pretty(&rows).expect("tables are plain data") + "\n"
 }
 
-/// Writes a Markdown table; numbers have five significant digits and stand to the right.
+/// Writes a Markdown table; numbers have five significant digits and stand to the right, marked ones
+/// are bold.
 pub fn write_markdown(table: &Table) -> String {
     let escaped = |it: &str| it.replace('|', "\\|").replace(['\n', '\r'], " ");
     let columns: Vec<(bool, Vec<String>)> = table
@@ -63,7 +64,10 @@ pub fn write_markdown(table: &Table) -> String {
                 Values::Numbers(values) => (true, values.iter().map(|&it| short(it)).collect()),
                 Values::Texts(texts) => (false, texts.iter().map(|it| escaped(it)).collect()),
             };
-            let cells: Vec<String> = cells;
+            let mut cells: Vec<String> = cells;
+            for &row in &column.marked {
+                cells[row] = format!("**{}**", cells[row]);
+            }
             (is_number, std::iter::once(escaped(&head(column))).chain(cells).collect())
         })
         .collect();
