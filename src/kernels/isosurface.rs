@@ -8,7 +8,7 @@ use super::mesh::{TriMesh, Vec3};
 const BLOCK: usize = 8;
 
 /// The longest gradient of the function that is allowed.
-const STEEPEST: f64 = 1.6;
+const STEEPEST: f64 = 2.5;
 
 /// The cube's tetrahedra that share its diagonal (Kuhn 1960): corners are sums of the axes in an
 /// order, as bits. The flag tells whether the order is even, which makes the volume positive.
@@ -36,7 +36,7 @@ pub struct Grid {
 ///
 /// Marching tetrahedra over Kuhn's six in every cell: inside the grid the result is a closed
 /// manifold, however the values lie, as every tetrahedron is cut by one triangle or quadrangle.
-/// `value` should be about a distance: cubes of cells are skipped where it is more than 1.6 times
+/// `value` should be about a distance: cubes of cells are skipped where it is more than 2.5 times
 /// their radius, so its gradient must not be longer than that.
 ///
 /// Returns `None` if nothing is inside.

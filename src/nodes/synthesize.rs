@@ -32,14 +32,14 @@ pub struct Synthesize {
     /// A factor on the height that the seed gives (nominal: 1.75 m; quadrupeds 1.3 m at the withers).
     #[schemars(range(min = 0.5, max = 2.0))]
     pub height: f64,
-    /// A factor on how thick torso and limbs are.
-    #[schemars(range(min = 0.75, max = 1.3))]
+    /// A factor on how thick the torso is; limbs follow by its square root.
+    #[schemars(range(min = 0.8, max = 1.25))]
     pub girth: f64,
     /// A factor on the length of arms and legs; the height stays.
-    #[schemars(range(min = 0.75, max = 1.3))]
+    #[schemars(range(min = 0.8, max = 1.25))]
     pub limb_length: f64,
     /// A factor on the size of the head.
-    #[schemars(range(min = 0.75, max = 1.5))]
+    #[schemars(range(min = 0.8, max = 1.4))]
     pub head_size: f64,
     pub pose: Pose,
     /// How far a random pose departs from rest; 1 is lively.

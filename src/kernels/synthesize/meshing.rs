@@ -40,13 +40,15 @@ pub fn mesh(surface: &Surface, options: &SynthesizeOptions) -> Result<TriMesh, S
     let rough = rough(surface, n_vertices, &mut random)?;
     let size = sizes(surface, options, &mut random);
     // Fine meshes begin near their size, and moves within their tangent planes hardly leave the
-    // surface: one step at the end is enough.
+    // surface: one step at the end is enough for them.
     let fine = n_vertices > 30_000;
     let options = RemeshOptions { n_vertices, rounds: if fine { 2 } else { 4 } };
     let project = |it: Vec3| if fine { it } else { surface.approach(it) };
     let mesh = remesh(&rough, &options, &size, &project)
         .expect("the polygonized surface is closed and manifold");
-    let exact = mesh.vertices().par_iter().map(|&it| surface.approach(it)).collect();
+    let n_steps = if fine { 1 } else { 3 };
+    let exact = |&it: &Vec3| (0..n_steps).fold(it, |at, _| surface.approach(at));
+    let exact = mesh.vertices().par_iter().map(exact).collect();
     let mesh = mesh.with_vertices(exact).expect("the surface is finite");
     Ok(shuffled(&mesh, &mut random))
 }

@@ -157,7 +157,8 @@ fn plan(options: &SynthesizeOptions) -> Plan {
     let mut proportions = Proportions::draw(options.seed, options.variation);
     proportions.height *= options.height;
     proportions.girth *= options.girth;
-    proportions.limb_girth *= options.girth;
+    // Limbs follow less: thick ones bend too sharply for their section.
+    proportions.limb_girth *= options.girth.sqrt();
     proportions.arms *= options.limb_length;
     proportions.legs *= options.limb_length;
     proportions.head *= options.head_size;

@@ -94,7 +94,7 @@ impl Surface {
         let mut boxes = self.parts().map(|it| it.1.loft.bounds());
         let first = boxes.next().expect("a body has parts");
         let (low, high) = boxes.fold(first, |(low, high), it| (low.inf(&it.0), high.sup(&it.1)));
-        (low.add_scalar(-0.05), high.add_scalar(0.05))
+        (low.add_scalar(-0.15), high.add_scalar(0.15))
     }
 
     /// Leads a point near the surface closer to it by a step of Newton's method.
