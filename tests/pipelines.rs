@@ -1,0 +1,96 @@
+//! The pipelines of the README, through the program, as their users run them.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Runs a pipeline of the repository in a folder of its own; returns what it said.
+fn run(folder: &Path, pipeline: &str, args: &[&str]) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_sinew"))
+        .arg("run")
+        .arg(root().join("pipelines").join(pipeline))
+        .args(args)
+        .current_dir(folder)
+        .env_remove("SINEW_CACHE")
+        .output()
+        .unwrap();
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{text}");
+    text
+}
+
+/// The named column of a written CSV table.
+fn column(file: &Path, name: &str) -> Vec<f64> {
+    let text = fs::read_to_string(file).unwrap();
+    let mut lines = text.lines().map(|it| it.split(',').collect::<Vec<_>>());
+    let head = lines.next().unwrap();
+    let index = head.iter().position(|it| it.starts_with(name)).unwrap_or_else(|| {
+        panic!("no column `{name}` in {head:?}");
+    });
+    lines.map(|it| it[index].parse().unwrap()).collect()
+}
+
+#[test]
+fn the_quick_start_transfers_a_skeleton_once_and_after_a_change_only_what_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let small = ["--set", "n_vertices=2500"];
+    let first = run(folder.path(), "quickstart.toml", &small);
+    assert!(first.contains("17 ran"), "{first}");
+    let out = folder.path().join("out/quickstart");
+    for file in ["rigged.glb", "joint_error.csv", "joint_error.md", "summary.md", "picture.png"] {
+        assert!(fs::metadata(out.join(file)).unwrap().len() > 100, "{file}");
+    }
+    assert!(fs::read(out.join("rigged.glb")).unwrap().starts_with(b"glTF"));
+    assert!(fs::read(out.join("picture.png")).unwrap().starts_with(b"\x89PNG"));
+    let errors = column(&out.join("joint_error.csv"), "error");
+    let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+    // Metres: the body is 1.7 m tall, so this is 1.5 % of its height.
+    assert!(errors.len() == 22 && mean < 0.025, "{mean} m");
+
+    let second = run(folder.path(), "quickstart.toml", &small);
+    assert!(second.contains("17 nodes up to date"), "{second}");
+
+    let changed = run(folder.path(), "quickstart.toml", &["--set", "n_vertices=2500", "--set", "k=60"]);
+    assert!(changed.contains("12 ran, 5 cached"), "{changed}");
+    assert!(changed.contains("transfer/source_basis"), "{changed}");
+    assert!(changed.contains("`k`: 120 -> 60"), "{changed}");
+}
+
+#[test]
+fn results_are_the_same_bytes_at_one_and_two_threads() {
+    let outputs = |threads: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        run(folder.path(), "quickstart.toml", &["--set", "n_vertices=1500", "-j", threads]);
+        let mut files: Vec<PathBuf> = fs::read_dir(folder.path().join("out/quickstart"))
+            .unwrap()
+            .map(|it| it.unwrap().path())
+            .collect();
+        files.sort();
+        files.iter().map(|it| fs::read(it).unwrap()).collect::<Vec<_>>()
+    };
+    assert!(outputs("1") == outputs("2"));
+}
+
+#[test]
+fn real_shapes_get_skeletons_as_good_as_the_readme_says() {
+    let mirror = root().join("../shared/data");
+    if !mirror.join("makehuman").is_dir() {
+        eprintln!("skipped: the corpus is not there");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let mirror = mirror.to_str().unwrap();
+    run(folder.path(), "functional_transfer.toml", &["--offline", "--mirror", mirror]);
+    let table = folder.path().join("out/functional_transfer/errors.csv");
+    let means = column(&table, "mean of height");
+    for (mean, bound) in means.iter().zip([1.2, 1.2, 6.0, 5.0]) {
+        assert!(*mean < bound, "{means:?} % of the heights");
+    }
+    assert_eq!(means.len(), 4);
+}
