@@ -51,7 +51,7 @@ kind = "synthesize"
 [nodes.error]
 kind = "joint_error"
 mesh = "@body.mesh"
-skeleton = "@body.skeleton"
+estimate = "@body.skeleton"
 truth = "@body.skeleton"
 
 [nodes.results]
