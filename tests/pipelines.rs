@@ -56,7 +56,8 @@ fn the_quick_start_transfers_a_skeleton_once_and_after_a_change_only_what_change
     let second = run(folder.path(), "quickstart.toml", &small);
     assert!(second.contains("17 nodes up to date"), "{second}");
 
-    let changed = run(folder.path(), "quickstart.toml", &["--set", "n_vertices=2500", "--set", "k=60"]);
+    let changed =
+        run(folder.path(), "quickstart.toml", &["--set", "n_vertices=2500", "--set", "k=60"]);
     assert!(changed.contains("12 ran, 5 cached"), "{changed}");
     assert!(changed.contains("transfer/source_basis"), "{changed}");
     assert!(changed.contains("`k`: 120 -> 60"), "{changed}");
