@@ -19,9 +19,8 @@ mod table;
 mod weights;
 
 use crate::engine::{
-    artifact::{ArtifactKind, Decoder, Format},
+    artifact::{ArtifactKind, Decoder, Dtype, Format},
     library::CommonFormat,
-    tensors::Dtype,
 };
 use crate::kernels::{
     self,

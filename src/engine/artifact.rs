@@ -3,7 +3,7 @@
 use std::{any::Any, sync::Arc};
 
 use super::digest::Digest;
-pub use super::tensors::{DecodeError, Decoder, Encoder};
+pub use super::tensors::{DecodeError, Decoder, Dtype, Encoder};
 
 /// The name of a type of artifact, as users see it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

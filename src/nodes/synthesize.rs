@@ -20,6 +20,7 @@ use crate::kernels::{
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Synthesize {
+    /// The body plan.
     pub body: Body,
     /// The number of vertices.
     #[schemars(range(min = 1000, max = 250_000))]
@@ -41,6 +42,7 @@ pub struct Synthesize {
     /// A factor on the size of the head.
     #[schemars(range(min = 0.8, max = 1.4))]
     pub head_size: f64,
+    /// The pose of the mesh and its joints.
     pub pose: Pose,
     /// How far a random pose departs from rest; 1 is lively.
     #[schemars(range(min = 0.0, max = 1.5))]
@@ -49,6 +51,7 @@ pub struct Synthesize {
     /// left hind foot) touches the ground in frame 0.
     #[schemars(range(min = 0, max = 29))]
     pub pose_frame: usize,
+    /// How triangles are distributed.
     pub connectivity: Connectivity,
     /// The deviation of random displacements along normals, over the mean edge length.
     #[schemars(range(min = 0.0, max = 1.0))]
