@@ -6,6 +6,7 @@
 
 mod coordinator;
 mod export;
+mod message;
 mod ready;
 mod slots;
 mod worker;

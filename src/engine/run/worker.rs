@@ -14,7 +14,7 @@ use crossbeam_channel::{Receiver, Sender};
 use petgraph::graph::NodeIndex;
 use rayon::ThreadPool;
 
-use super::{RunOptions, coordinator::Message, export};
+use super::{RunOptions, export, message::Message};
 use crate::engine::{
     artifact::{AnyArtifact, ArtifactType},
     digest::Digest,

@@ -3,7 +3,7 @@
 use crossbeam_channel::{Receiver, Sender};
 use petgraph::graph::NodeIndex;
 
-use super::coordinator::Message;
+use super::message::Message;
 use crate::engine::store::{Claim, NewEntry, Store, StoreError};
 
 /// One result to store.

@@ -1,0 +1,139 @@
+//! Ends instances: outcomes, failures and whom they stop, memory that is free again.
+
+use std::time::Duration;
+
+use petgraph::graph::NodeIndex;
+
+use super::Coordinator;
+use super::Queues;
+use crate::engine::events::Event;
+use crate::engine::events::ExportOutcome;
+use crate::engine::events::Failure;
+use crate::engine::events::Outcome;
+use crate::engine::plan::Memory;
+use crate::engine::run::export;
+use crate::engine::run::message::Message;
+use crate::engine::run::slots::Work;
+use crate::engine::store::Note;
+
+impl<'a> Coordinator<'a> {
+    pub(super) fn end(&mut self, index: NodeIndex, outcome: Outcome) {
+        let slot = &self.slots[index];
+        let (key, outputs) = (slot.key.as_ref().map(|it| it.0), slot.outputs.as_ref());
+        let event = Event::Finished { instance: index, outcome: &outcome, key, outputs };
+        self.observer.event(self.context.graph, &event);
+        self.slots[index].outcome = Some(outcome);
+        self.release_inputs(index);
+    }
+
+    /// An instance will not read its inputs (again): the last reader's leaving drops them.
+    pub(super) fn release_inputs(&mut self, index: NodeIndex) {
+        if std::mem::replace(&mut self.slots[index].reads, false) {
+            for producer in self.slots.producers(index) {
+                self.leave(producer);
+            }
+        }
+    }
+
+    pub(super) fn leave(&mut self, producer: NodeIndex) {
+        let slot = &mut self.slots[producer];
+        slot.readers = slot.readers.saturating_sub(1);
+        if slot.readers == 0 {
+            self.live_bytes -= slot.live_bytes();
+            slot.live.clear();
+        }
+    }
+
+    /// Drops artifacts that are stored as long as memory is above the budget.
+    pub(super) fn relieve_memory(&mut self) {
+        let budget = self.context.options.memory;
+        if self.live_bytes <= budget {
+            return;
+        }
+        for slot in self.slots.iter_mut().filter(|it| it.stored) {
+            self.live_bytes -= slot.live_bytes();
+            slot.live.clear();
+            if self.live_bytes <= budget {
+                return;
+            }
+        }
+    }
+
+    pub(super) fn fail(&mut self, index: NodeIndex, failure: Failure, wall: Duration) {
+        if self.context.options.fail_fast {
+            self.stopping = true;
+        }
+        self.slots[index].work = Work::Idle;
+        self.end(index, Outcome::Failed { failure, wall });
+        let mut open = self.dependents(index);
+        while let Some(consumer) = open.pop() {
+            let is_open = match &self.slots[consumer].outcome {
+                None => true,
+                // Its value was to be made again for somebody.
+                Some(_) => self.slots[consumer].work == Work::Waiting,
+            };
+            if is_open {
+                self.slots[consumer].work = Work::Idle;
+                self.end(consumer, Outcome::Skipped { because: index });
+                open.extend(self.dependents(consumer));
+            }
+        }
+    }
+
+    /// Who cannot go on when an instance fails.
+    pub(super) fn dependents(&mut self, index: NodeIndex) -> Vec<NodeIndex> {
+        for rule in std::mem::take(&mut self.slots[index].waiting_exports) {
+            self.end_export(rule, ExportOutcome::Skipped);
+        }
+        let mut res = std::mem::take(&mut self.slots[index].wakes);
+        res.extend(std::mem::take(&mut self.slots[index].followers));
+        if self.slots[index].outputs.is_none() {
+            res.extend(self.slots.consumers(index));
+        }
+        res
+    }
+
+    /// Waits for what still runs, closes the queues, and hears the writer out.
+    pub(super) fn finish(&mut self) {
+        let Some(queues) = self.queues.take() else { return };
+        let Queues { jobs, job_queue, writes, messages, message_queue, .. } = queues;
+        drop((jobs, job_queue, writes, messages));
+        for message in message_queue {
+            if let Message::StoreFailed { error } = message {
+                self.store_error = Some(error);
+            }
+        }
+    }
+
+    /// Keeps what the next run wants to know: the keys of now.
+    pub(super) fn remember(&mut self) {
+        let mut notes = Vec::new();
+        for index in self.context.graph.instances.node_indices() {
+            let Some((key, _)) = &self.slots[index].key else { continue };
+            let done = matches!(
+                self.slots[index].outcome,
+                Some(Outcome::Cached | Outcome::CutOff | Outcome::Shared | Outcome::Ran { .. })
+            );
+            let id = self.context.graph.instances[index].id();
+            if done && self.memory.last_key(&id) != Some(*key) {
+                notes.push((Note::LastKey, self.memory.subject(&id), key.0.to_vec()));
+            }
+        }
+        for (rule, outcome) in self.exports.iter().enumerate() {
+            if !matches!(outcome, Some(ExportOutcome::Written { .. })) {
+                continue;
+            }
+            let path = self.output_path(rule);
+            if let Some(info) = self.export_info(rule)
+                && let Some(receipt) = export::receipt(info.digest, &path)
+            {
+                notes.push((Note::Exported, export::subject(&path), receipt));
+            }
+        }
+        if self.store_error.is_none()
+            && let Err(error) = self.context.store.remember(notes)
+        {
+            self.store_error = Some(error);
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! The coordinator: every change of a run's state.
+
+mod end;
+mod outputs;
+mod prepare;
+mod receive;
+mod resolve;
+mod start;
+
+use std::{
+    collections::{HashMap, VecDeque},
+    sync::Arc,
+    thread::{self, Scope},
+    time::{Duration, Instant},
+};
+
+use crossbeam_channel::{Receiver, Sender, unbounded};
+use petgraph::graph::NodeIndex;
+use rayon::ThreadPool;
+
+use super::{
+    RunOptions,
+    message::Message,
+    ready::ReadyQueue,
+    slots::Slots,
+    worker::{Context, Job},
+    writer::{self, Write},
+};
+use crate::engine::{
+    digest::Digest,
+    events::{Event, ExportOutcome, Observer, Outcome, RunReport},
+    graph::Graph,
+    library::Library,
+    plan::{self, PipelineMemory, topological_order},
+    store::{Store, StoreError},
+};
+
+/// How often a key that another process computes is looked up again.
+const CLAIM_POLL: Duration = Duration::from_millis(20);
+
+pub struct Coordinator<'a> {
+    context: Context<'a>,
+    memory: PipelineMemory<'a>,
+    observer: &'a mut dyn Observer,
+    slots: Slots,
+    order: Vec<NodeIndex>,
+    priorities: Vec<u64>,
+    exports: Vec<Option<ExportOutcome>>,
+    /// Instances whose producers are all known, and whose key is to be made.
+    resolvable: VecDeque<NodeIndex>,
+    ready: ReadyQueue,
+    ready_exports: VecDeque<usize>,
+    claimed: Vec<NodeIndex>,
+    /// Keys that this run computes.
+    in_flight: HashMap<Digest, NodeIndex>,
+    free_threads: usize,
+    running: usize,
+    /// Bytes of artifacts in memory.
+    live_bytes: u64,
+    pools: HashMap<usize, Vec<Arc<ThreadPool>>>,
+    /// Planning is over: a stored result is found because something ran.
+    planned: bool,
+    /// Nothing more is started.
+    stopping: bool,
+    store_error: Option<StoreError>,
+    queues: Option<Queues>,
+}
+
+/// The threads' queues, made when there is something to do.
+struct Queues {
+    jobs: Sender<Job>,
+    job_queue: Receiver<Job>,
+    writes: Sender<Write>,
+    messages: Sender<Message>,
+    message_queue: Receiver<Message>,
+    n_workers: usize,
+    /// Jobs that are queued or running.
+    n_jobs: usize,
+}
+
+impl<'a> Coordinator<'a> {
+    pub fn new(
+        graph: &'a Graph,
+        library: &'a Library,
+        store: &'a Store,
+        options: &'a RunOptions,
+        observer: &'a mut dyn Observer,
+    ) -> Self {
+        let wanted = plan::wanted(graph, &options.targets);
+        Self {
+            context: Context { graph, library, store, options },
+            memory: PipelineMemory::new(store, graph),
+            observer,
+            slots: Slots::new(graph, &wanted),
+            order: topological_order(graph),
+            priorities: Vec::new(),
+            exports: vec![None; graph.outputs.len()],
+            resolvable: VecDeque::new(),
+            ready: ReadyQueue::default(),
+            ready_exports: VecDeque::new(),
+            claimed: Vec::new(),
+            in_flight: HashMap::new(),
+            free_threads: options.threads.max(1),
+            running: 0,
+            live_bytes: 0,
+            pools: HashMap::new(),
+            planned: false,
+            stopping: false,
+            store_error: None,
+            queues: None,
+        }
+    }
+
+    pub fn run(mut self) -> RunReport {
+        let start = Instant::now();
+        let context = self.context;
+        thread::scope(|scope| {
+            self.plan();
+            loop {
+                self.dispatch(scope, context);
+                if !self.wait() {
+                    break;
+                }
+            }
+            self.finish();
+        });
+        self.remember();
+        let outcome = |it: &mut super::slots::Slot| it.outcome.take();
+        RunReport {
+            outcomes: self
+                .slots
+                .iter_mut()
+                .map(|it| outcome(it).unwrap_or(Outcome::NotReached))
+                .collect(),
+            exports: self
+                .exports
+                .into_iter()
+                .map(|it| it.unwrap_or(ExportOutcome::Skipped))
+                .collect(),
+            wall: start.elapsed(),
+            store_error: self.store_error,
+        }
+    }
+
+    /// Finds out what is stored, as far as that can be known before anything runs.
+    fn plan(&mut self) {
+        for index in self.order.clone() {
+            if self.slots[index].outcome.is_none() && self.slots[index].unknown_inputs == 0 {
+                self.resolvable.push_back(index);
+            }
+        }
+        self.resolve();
+        self.planned = true;
+        let count = |what: fn(&Outcome) -> bool| {
+            self.slots.iter().filter(|it| it.outcome.as_ref().is_some_and(what)).count()
+        };
+        let n_wanted = self.order.len() - count(|it| *it == Outcome::NotWanted);
+        let n_cached = count(|it| *it == Outcome::Cached);
+        self.emit(&Event::Planned { n_wanted, n_cached });
+    }
+
+    fn emit(&mut self, event: &Event<'_>) {
+        self.observer.event(self.context.graph, event);
+    }
+}
+
+impl Queues {
+    /// Makes the queues and starts the writer.
+    fn start<'scope, 'a: 'scope>(scope: &'scope Scope<'scope, '_>, store: &'a Store) -> Self {
+        let (jobs, job_queue) = unbounded();
+        let (writes, write_queue) = unbounded();
+        let (messages, message_queue) = unbounded();
+        let to_run = messages.clone();
+        scope.spawn(move || writer::write_behind(store, &write_queue, &to_run));
+        Self { jobs, job_queue, writes, messages, message_queue, n_workers: 0, n_jobs: 0 }
+    }
+}

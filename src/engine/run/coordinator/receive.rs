@@ -1,0 +1,244 @@
+//! Takes in what workers and the writer report.
+
+use std::collections::BTreeMap;
+use std::thread;
+use std::time::Duration;
+
+use crossbeam_channel::RecvTimeoutError;
+use petgraph::graph::NodeIndex;
+
+use super::CLAIM_POLL;
+use super::Coordinator;
+use crate::engine::artifact::AnyArtifact;
+use crate::engine::digest::Digest;
+use crate::engine::events::Event;
+use crate::engine::events::Outcome;
+use crate::engine::node::NodeOutputs;
+use crate::engine::plan::OutputInfo;
+use crate::engine::plan::Outputs;
+use crate::engine::run::message::Message;
+use crate::engine::run::slots::Work;
+use crate::engine::run::worker::JobResult;
+use crate::engine::run::worker::Loaded;
+use crate::engine::run::writer::Write;
+use crate::engine::store::Access;
+use crate::engine::store::Claim;
+use crate::engine::store::Entry;
+use crate::engine::store::EntryOutput;
+use crate::engine::store::NewEntry;
+use crate::engine::store::now_secs;
+
+impl<'a> Coordinator<'a> {
+    /// Waits for the next thing to happen; false when nothing more will.
+    pub(super) fn wait(&mut self) -> bool {
+        if !self.resolvable.is_empty() {
+            return true;
+        }
+        let busy = self.queues.as_ref().is_some_and(|it| it.n_jobs > 0);
+        if !busy && self.claimed.is_empty() {
+            return false;
+        }
+        if self.stopping && !busy {
+            return false;
+        }
+        let message = match &self.queues {
+            Some(queues) if self.claimed.is_empty() => {
+                Some(queues.message_queue.recv().expect("the run holds a sender"))
+            }
+            Some(queues) => match queues.message_queue.recv_timeout(CLAIM_POLL) {
+                Ok(message) => Some(message),
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => unreachable!("the run holds a sender"),
+            },
+            None => {
+                thread::sleep(CLAIM_POLL);
+                None
+            }
+        };
+        match message {
+            Some(message) => self.receive(message),
+            None => self.poll_claims(),
+        }
+        true
+    }
+
+    /// Puts instances that other processes compute back into the queue, to be claimed again.
+    pub(super) fn poll_claims(&mut self) {
+        for index in std::mem::take(&mut self.claimed) {
+            self.queue(index);
+        }
+    }
+
+    pub(super) fn receive(&mut self, message: Message) {
+        match message {
+            Message::Progress { instance, fraction, text } => {
+                self.emit(&Event::Progress { instance, fraction, text: &text });
+            }
+            Message::Ran { instance, loaded, result } => {
+                self.job_ended(self.slots[instance].threads);
+                self.running -= 1;
+                self.keep_loaded(loaded);
+                self.node_ended(instance, result);
+            }
+            Message::Exported { rule, loaded, result } => {
+                self.job_ended(1);
+                self.keep_loaded(loaded);
+                self.export_ended(rule, result);
+            }
+            Message::Stored { instances } => {
+                for index in instances {
+                    self.slots[index].stored = true;
+                }
+                self.relieve_memory();
+            }
+            Message::StoreFailed { error } => {
+                self.store_error = Some(error);
+                self.stopping = true;
+            }
+        }
+    }
+
+    pub(super) fn job_ended(&mut self, threads: usize) {
+        self.free_threads += threads;
+        if let Some(queues) = &mut self.queues {
+            queues.n_jobs -= 1;
+        }
+    }
+
+    /// Keeps what a job has read for others that will need it.
+    pub(super) fn keep_loaded(&mut self, loaded: Loaded) {
+        for (from, artifact) in loaded {
+            let slot = &mut self.slots[from.instance];
+            let info = slot.outputs.as_ref().and_then(|it| it.artifacts.get(from.port));
+            let is_current = info.is_some_and(|it| it.digest == artifact.digest());
+            if slot.readers > 1 && is_current && !slot.live.contains_key(from.port) {
+                self.live_bytes += info.map_or(0, |it| it.bytes);
+                slot.live.insert(from.port, artifact);
+            }
+        }
+        self.relieve_memory();
+    }
+
+    pub(super) fn node_ended(&mut self, index: NodeIndex, result: JobResult) {
+        self.slots[index].work = Work::Idle;
+        match result {
+            JobResult::Ran { outputs, wall } => self.ran(index, outputs, wall),
+            JobResult::Failed { failure, wall } => {
+                let key = self.key_digest(index);
+                self.in_flight.remove(&key);
+                self.slots[index].claim = None;
+                for follower in std::mem::take(&mut self.slots[index].followers) {
+                    self.fail(follower, failure.clone(), wall);
+                }
+                self.fail(index, failure, wall);
+            }
+            JobResult::Lost { from, error } => {
+                tracing::warn!(%error, "an input is made again");
+                self.slots[index].claim = None;
+                self.slots[from.instance].stored = false;
+                self.prepare(index);
+            }
+            JobResult::Exported(_) => unreachable!("a node's job exports nothing"),
+        }
+    }
+
+    pub(super) fn ran(&mut self, index: NodeIndex, result: NodeOutputs, wall: Duration) {
+        let NodeOutputs { artifacts, absent, notes } = result;
+        let mut outputs = Outputs { artifacts: BTreeMap::new(), absent };
+        let (mut live, mut objects) = (BTreeMap::new(), Vec::new());
+        for (port, (artifact, bytes)) in artifacts {
+            let info = OutputInfo { digest: artifact.digest(), bytes: bytes.len() as u64 };
+            outputs.artifacts.insert(port, info);
+            objects.push((artifact.digest(), bytes));
+            live.insert(port, artifact);
+        }
+        let key = self.key_digest(index);
+        self.in_flight.remove(&key);
+        self.store_result(index, &outputs, &live, objects, wall, &notes);
+        let followers = std::mem::take(&mut self.slots[index].followers);
+        for &instance in followers.iter().chain([&index]) {
+            self.keep_live(instance, &outputs, &live);
+        }
+        let reason = self.slots[index].reason.clone();
+        self.made(index, &outputs, Outcome::Ran { wall, reason, notes });
+        for follower in followers {
+            self.slots[follower].work = Work::Idle;
+            self.made(follower, &outputs, Outcome::Shared);
+        }
+        self.relieve_memory();
+    }
+
+    pub(super) fn keep_live(
+        &mut self,
+        index: NodeIndex,
+        outputs: &Outputs,
+        live: &BTreeMap<&'static str, AnyArtifact>,
+    ) {
+        if self.slots[index].readers > 0 {
+            self.live_bytes += outputs.artifacts.values().map(|it| it.bytes).sum::<u64>();
+            self.slots[index].live = live.clone();
+        }
+    }
+
+    /// Hands a result to the writer; with a store that is only read, it stays in memory.
+    pub(super) fn store_result(
+        &mut self,
+        index: NodeIndex,
+        outputs: &Outputs,
+        live: &BTreeMap<&'static str, AnyArtifact>,
+        objects: Vec<(Digest, Vec<u8>)>,
+        wall: Duration,
+        notes: &[String],
+    ) {
+        let claim = self.slots[index].claim.take().unwrap_or_else(Claim::none);
+        if self.context.store.access() == Access::ReadOnly {
+            return;
+        }
+        let (key, text) = self.slots[index].key.as_ref().expect("what ran has a key");
+        let list = outputs.artifacts.iter().map(|(port, info)| EntryOutput {
+            port: (*port).to_owned(),
+            ty: live[port].ty().name.to_owned(),
+            digest: info.digest,
+            bytes: info.bytes,
+        });
+        let entry = Entry {
+            key: text.text(),
+            outputs: list.collect(),
+            absent: outputs.absent.iter().map(|(k, v)| ((*k).to_owned(), v.clone())).collect(),
+            notes: notes.to_vec(),
+            wall_secs: wall.as_secs_f64(),
+            made: now_secs(),
+            run: self.context.options.run_id.clone(),
+        };
+        let write = Write { instance: index, entry: NewEntry { key: *key, entry, objects }, claim };
+        let queues = self.queues.as_ref().expect("what ran had a queue");
+        queues.writes.send(write).expect("the writer lives as long as the run");
+    }
+
+    /// An instance's outputs were made in this run.
+    pub(super) fn made(&mut self, index: NodeIndex, outputs: &Outputs, outcome: Outcome) {
+        let before = self.slots[index].outputs.replace(outputs.clone());
+        self.end(index, outcome);
+        let wakes = std::mem::take(&mut self.slots[index].wakes);
+        let exports = std::mem::take(&mut self.slots[index].waiting_exports);
+        match before {
+            None => self.announce(index),
+            Some(before) if before != *outputs => {
+                let id = self.context.graph.instances[index].id();
+                tracing::warn!(instance = id, "gave other bytes than before from the same key");
+            }
+            Some(_) => {}
+        }
+        self.ready_exports.extend(exports);
+        for consumer in wakes {
+            // It may have been skipped meanwhile, because another of its inputs failed.
+            if self.slots[consumer].work != Work::Waiting {
+                continue;
+            }
+            self.slots[consumer].missing_inputs -= 1;
+            if self.slots[consumer].missing_inputs == 0 {
+                self.prepare(consumer);
+            }
+        }
+    }
+}

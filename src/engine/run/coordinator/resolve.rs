@@ -1,0 +1,95 @@
+//! Finds out what is stored: keys, look-ups, and what becomes known by them.
+
+use std::time::Duration;
+
+use petgraph::graph::NodeIndex;
+
+use super::Coordinator;
+use crate::engine::digest::Digest;
+use crate::engine::events::Failure;
+use crate::engine::events::Outcome;
+use crate::engine::plan;
+use crate::engine::plan::KeyError;
+use crate::engine::plan::Memory;
+use crate::engine::plan::Outputs;
+use crate::engine::plan::Reason;
+use crate::engine::run::slots::Work;
+
+impl<'a> Coordinator<'a> {
+    /// Looks up everything whose inputs are known, and what becomes known by that.
+    pub(super) fn resolve(&mut self) {
+        while let Some(index) = self.resolvable.pop_front() {
+            if self.slots[index].outcome.is_some() {
+                continue;
+            }
+            let instance = &self.context.graph.instances[index];
+            let known =
+                |it: NodeIndex| self.slots[it].outputs.as_ref().expect("its producers are known");
+            let key = match plan::key_of(instance, known, &self.memory) {
+                Ok(key) => key,
+                Err(error) => {
+                    self.cannot_start(index, &error);
+                    continue;
+                }
+            };
+            let digest = Digest::of(key.text().as_bytes());
+            let forced = self.context.options.forced.contains(&index);
+            let stored = if forced { None } else { self.stored_outputs(index, &digest) };
+            if let Some(outputs) = stored {
+                self.slots[index].key = Some((digest, key));
+                let outcome = if self.planned { Outcome::CutOff } else { Outcome::Cached };
+                self.found(index, outputs, outcome);
+            } else {
+                self.slots[index].reason = if forced {
+                    Reason::Forced
+                } else {
+                    Reason::of_miss(&key, &instance.id(), &self.memory)
+                };
+                self.slots[index].key = Some((digest, key));
+                self.start_work(index);
+            }
+        }
+    }
+
+    pub(super) fn stored_outputs(&self, index: NodeIndex, key: &Digest) -> Option<Outputs> {
+        let entry = self.memory.entry(key)?;
+        Outputs::of_entry(&self.context.graph.instances[index], &entry)
+    }
+
+    pub(super) fn cannot_start(&mut self, index: NodeIndex, error: &KeyError) {
+        let message = error.message(self.context.graph);
+        let failure = match error {
+            KeyError::Absent { .. } => Failure::Node(message),
+            KeyError::File { .. } => Failure::Environment(message),
+        };
+        self.fail(index, failure, Duration::ZERO);
+    }
+
+    /// An instance's outputs are in the store.
+    pub(super) fn found(&mut self, index: NodeIndex, outputs: Outputs, outcome: Outcome) {
+        self.slots[index].stored = true;
+        self.slots[index].work = Work::Idle;
+        self.slots[index].outputs = Some(outputs);
+        self.end(index, outcome);
+        self.announce(index);
+    }
+
+    /// Tells consumers and exports that an instance's outputs are known now.
+    pub(super) fn announce(&mut self, index: NodeIndex) {
+        for consumer in self.slots.consumers(index) {
+            let slot = &mut self.slots[consumer];
+            slot.unknown_inputs -= 1;
+            if slot.unknown_inputs == 0 {
+                self.resolvable.push_back(consumer);
+            }
+        }
+        for rule in self.rules_of(index) {
+            self.plan_export(rule);
+        }
+    }
+
+    pub(super) fn rules_of(&self, index: NodeIndex) -> Vec<usize> {
+        let rules = self.context.graph.outputs.iter().enumerate();
+        rules.filter(|it| it.1.from.instance == index).map(|it| it.0).collect()
+    }
+}

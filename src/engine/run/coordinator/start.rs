@@ -1,0 +1,174 @@
+//! Starts jobs, as far as threads, memory and claims allow.
+
+use std::sync::Arc;
+use std::thread::Scope;
+use std::time::Instant;
+
+use petgraph::graph::NodeIndex;
+use rayon::ThreadPool;
+
+use super::Coordinator;
+use super::Queues;
+use crate::engine::digest::Digest;
+use crate::engine::events::Event;
+use crate::engine::events::Outcome;
+use crate::engine::graph::PortRef;
+use crate::engine::plan::Reason;
+use crate::engine::run::slots::Work;
+use crate::engine::run::worker;
+use crate::engine::run::worker::Context;
+use crate::engine::run::worker::Job;
+use crate::engine::run::worker::Value;
+use crate::engine::store::Claim;
+
+impl<'a> Coordinator<'a> {
+    /// Starts what is ready, as far as threads and memory allow.
+    pub(super) fn dispatch<'scope>(
+        &mut self,
+        scope: &'scope Scope<'scope, '_>,
+        context: Context<'a>,
+    ) where
+        'a: 'scope,
+    {
+        self.resolve();
+        while !self.stopping && self.free_threads > 0 {
+            let job = match self.ready_exports.pop_front() {
+                Some(rule) => self.export_job(rule),
+                None => self.next_run(),
+            };
+            let Some(job) = job else { break };
+            self.send(job, scope, context);
+        }
+    }
+
+    pub(super) fn send<'scope>(
+        &mut self,
+        job: Job,
+        scope: &'scope Scope<'scope, '_>,
+        context: Context<'a>,
+    ) where
+        'a: 'scope,
+    {
+        let store = self.context.store;
+        let queues = self.queues.get_or_insert_with(|| Queues::start(scope, store));
+        queues.n_jobs += 1;
+        if queues.n_workers < queues.n_jobs.min(context.options.threads.max(1)) {
+            queues.n_workers += 1;
+            let (jobs, messages) = (queues.job_queue.clone(), queues.messages.clone());
+            scope.spawn(move || worker::work(&context, &jobs, &messages));
+        }
+        queues.jobs.send(job).expect("workers live as long as the run");
+    }
+
+    /// The next job to run a node, if one is ready, fits into memory, and can be claimed.
+    pub(super) fn next_run(&mut self) -> Option<Job> {
+        while let Some(index) = self.ready.peek() {
+            if self.running > 0 && !self.fits(index) {
+                return None;
+            }
+            self.ready.pop();
+            if let Some(claim) = self.claim(index) {
+                self.slots[index].claim = Some(claim);
+                return Some(self.run_job(index));
+            }
+        }
+        None
+    }
+
+    /// Whether an instance's inputs and (as far as is known) outputs fit into the memory budget.
+    pub(super) fn fits(&self, index: NodeIndex) -> bool {
+        let to_load = self.input_refs(index).into_iter().filter_map(|from| {
+            let slot = &self.slots[from.instance];
+            let in_memory = slot.live.contains_key(from.port);
+            let info = slot.outputs.as_ref()?.artifacts.get(from.port)?;
+            (!in_memory).then_some(info.bytes)
+        });
+        self.live_bytes + to_load.sum::<u64>() <= self.context.options.memory
+    }
+
+    /// Claims a key, unless another process has it or has just stored its result.
+    pub(super) fn claim(&mut self, index: NodeIndex) -> Option<Claim> {
+        let key = self.key_digest(index);
+        let claim = match self.context.store.claim(&key) {
+            Ok(claim) => claim,
+            Err(error) => {
+                tracing::warn!(%error, "works without claims");
+                Some(Claim::none())
+            }
+        };
+        let Some(claim) = claim else {
+            self.slots[index].work = Work::Claimed;
+            self.claimed.push(index);
+            self.emit(&Event::Waiting { instance: index });
+            return None;
+        };
+        if self.made_by_others(index, &key) { None } else { Some(claim) }
+    }
+
+    /// Takes over a result that another process has stored meanwhile.
+    pub(super) fn made_by_others(&mut self, index: NodeIndex, key: &Digest) -> bool {
+        if let Err(error) = self.context.store.refresh() {
+            tracing::warn!(%error, "cannot see what other processes store");
+            return false;
+        }
+        let wanted_again =
+            matches!(self.slots[index].reason, Reason::Evicted { .. } | Reason::Forced);
+        let Some(outputs) = self.stored_outputs(index, key).filter(|_| !wanted_again) else {
+            return false;
+        };
+        self.in_flight.remove(key);
+        let followers = std::mem::take(&mut self.slots[index].followers);
+        for instance in followers.into_iter().chain([index]) {
+            self.found(instance, outputs.clone(), Outcome::Shared);
+        }
+        self.resolve();
+        true
+    }
+
+    pub(super) fn run_job(&mut self, index: NodeIndex) -> Job {
+        let instance = &self.context.graph.instances[index];
+        let inputs = instance
+            .inputs
+            .iter()
+            .map(|(&port, sources)| {
+                (port, sources.iter().filter_map(|&from| self.value(from)).collect::<Vec<_>>())
+            })
+            .collect();
+        let others = self.ready.len() + self.ready_exports.len();
+        let threads = (self.free_threads / (1 + others)).max(1);
+        let pool = (threads > 1).then(|| self.take_pool(threads));
+        self.free_threads -= threads;
+        self.running += 1;
+        let slot = &mut self.slots[index];
+        slot.work = Work::Running;
+        slot.threads = threads;
+        slot.started = Some(Instant::now());
+        let reason = slot.reason.clone();
+        self.emit(&Event::Started { instance: index, threads, reason: &reason });
+        Job::Run { instance: index, inputs, pool }
+    }
+
+    pub(super) fn take_pool(&mut self, threads: usize) -> Arc<ThreadPool> {
+        let free = self.pools.entry(threads).or_default();
+        match free.iter().position(|it| Arc::strong_count(it) == 1) {
+            Some(index) => Arc::clone(&free[index]),
+            None => {
+                let pool = Arc::new(worker::pool(threads));
+                free.push(Arc::clone(&pool));
+                pool
+            }
+        }
+    }
+
+    /// Where a job finds a value; `None` for an optional output that was left out.
+    pub(super) fn value(&self, from: PortRef) -> Option<Value> {
+        let slot = &self.slots[from.instance];
+        let info = slot.outputs.as_ref()?.artifacts.get(from.port)?;
+        if let Some(artifact) = slot.live.get(from.port) {
+            return Some(Value::Live(artifact.clone()));
+        }
+        let outputs = self.context.graph.instances[from.instance].kind.spec.outputs;
+        let ty = outputs.iter().find(|it| it.name == from.port)?.ty;
+        Some(Value::Stored { from, ty, digest: info.digest })
+    }
+}
