@@ -14,6 +14,7 @@ mod point_map;
 mod regressor;
 mod rig;
 mod skeleton;
+mod sparse;
 mod spectral_regressor;
 mod table;
 mod weights;
