@@ -9,9 +9,11 @@ use std::{
     process::Command,
 };
 
+use serde::{Deserialize, Serialize};
 use sinew::{
     LIBRARY,
     engine::{
+        artifact::{Decoder, Dtype},
         digest::Digest,
         events::{Event, Observer, RunReport},
         graph::Graph,
@@ -82,6 +84,69 @@ fn assert_conforms(kind: &str, example: &str) {
     assert_eq!(one, two, "{kind}: the same bytes at one and two threads");
     assert_eq!(one, run_in_process(folder.path(), &file), "{kind}: and in another process");
     assert_round_trips(kind, folder.path(), &one);
+    assert_golden(kind, &graph, folder.path(), &one);
+}
+
+/// A kind's version and the mean magnitudes of the numbers that its example gives.
+#[derive(Debug, Serialize, Deserialize)]
+struct Golden {
+    version: u32,
+    /// By `node.port.array`.
+    means: BTreeMap<String, f64>,
+}
+
+/// Numbers may move by this much without a new version: processors differ in the last bits, and
+/// what is discrete (a remeshing) makes more of it.
+const GOLDEN_TOLERANCE: f64 = 0.02;
+
+/// Whoever changes a kind's numbers raises its version, or caches keep the old ones. With `UPDATE=1`
+/// the file is written anew.
+fn assert_golden(kind: &str, graph: &Graph, folder: &Path, outputs: &Outputs) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/golden/{kind}.json"));
+    let version = LIBRARY.kind(kind).unwrap().spec.version;
+    let means = mean_magnitudes(kind, graph, folder, outputs);
+    if std::env::var_os("UPDATE").is_some() {
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        let text = serde_json::to_string_pretty(&Golden { version, means }).unwrap();
+        return fs::write(&path, text + "\n").unwrap();
+    }
+    let text = fs::read_to_string(&path)
+        .unwrap_or_else(|e| panic!("{}: {e}; `UPDATE=1 cargo test` writes it", path.display()));
+    let golden: Golden = serde_json::from_str(&text).unwrap();
+    assert_eq!(golden.version, version, "{kind}: `UPDATE=1 cargo test` writes {}", path.display());
+    assert!(golden.means.keys().eq(means.keys()), "{kind}: other outputs, but the same version");
+    for (name, mean) in means {
+        let before = golden.means[&name];
+        let moved = (mean - before).abs() > GOLDEN_TOLERANCE * before.abs();
+        assert!(!moved, "{kind}: `{name}` went from {before} to {mean}, but the version stayed");
+    }
+}
+
+fn mean_magnitudes(
+    kind: &str,
+    graph: &Graph,
+    folder: &Path,
+    outputs: &Outputs,
+) -> BTreeMap<String, f64> {
+    let store = Store::open(&folder.join("one"), Access::ReadOnly).unwrap();
+    let mut means = BTreeMap::new();
+    for ((node, port), (ty, digest)) in outputs {
+        if graph.instances[graph.find(node).unwrap()].kind.spec.kind != kind {
+            continue;
+        }
+        let bytes = store.object(LIBRARY.artifact_kind(ty).unwrap().ty, digest).unwrap();
+        let decoder = Decoder::new(&bytes).unwrap();
+        for (name, array) in decoder.arrays().filter(|it| it.1.dtype == Dtype::F64) {
+            let values = decoder.array::<f64>(name).unwrap().values;
+            let finite = values.iter().filter(|it| it.is_finite());
+            let sum: f64 = finite.map(|it| it.abs()).sum();
+            let mean = sum / array.shape.iter().product::<usize>().max(1) as f64;
+            // Noise about zero is no number to hold.
+            let mean = if mean < 1e-12 { 0.0 } else { mean };
+            means.insert(format!("{node}.{port}.{name}"), mean);
+        }
+    }
+    means
 }
 
 fn run_in_process(folder: &Path, file: &Path) -> Outputs {

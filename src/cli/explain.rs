@@ -71,12 +71,11 @@ fn print_status(graph: &Graph, index: NodeIndex, plan: &Plan) {
         Status::Cached { key } => {
             println!("{:>10}  its result is stored under {}", "cached", key.short())
         }
-        Status::Run { reason, .. } => {
-            println!("{good}{:>10}{good:#}  {reason}", "would run");
-            if let Reason::Changed(differences) = reason {
-                print_causes(graph, index, plan, differences);
-            }
+        Status::Run { reason: Reason::Changed(differences), .. } => {
+            println!("{good}{:>10}{good:#}  its key is another one than last time", "would run");
+            print_causes(graph, index, plan, differences);
         }
+        Status::Run { reason, .. } => println!("{good}{:>10}{good:#}  {reason}", "would run"),
         Status::Follows { after } => {
             let after = graph.instances[*after].id();
             println!(
