@@ -214,7 +214,7 @@ fn lock_alone(dir: &Path) -> Result<File, GcError> {
 
 fn entries(log: &Log) -> Vec<StoredEntry> {
     let read = |(key, _): (Digest, u64)| {
-        let entry: Entry = serde_json::from_slice(&log.get(RecordKind::Entry, &key)?).ok()?;
+        let entry = Entry::from_payload(&log.get(RecordKind::Entry, &key)?)?;
         let kind = serde_json::from_str::<Key>(&entry.key).ok()?.kind;
         Some(StoredEntry { key, kind, entry })
     };

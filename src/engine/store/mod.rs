@@ -39,6 +39,7 @@ use super::{artifact::ArtifactType, digest::Digest};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
     /// The text of the key.
+    #[serde(skip)]
     pub key: String,
     pub outputs: Vec<EntryOutput>,
     /// Optional outputs that were left out, and why.
@@ -51,6 +52,24 @@ pub struct Entry {
     pub made: u64,
     /// The run that made it.
     pub run: String,
+}
+
+impl Entry {
+    /// The stored form: one line of JSON, then the key's text as it is (quoting it would cost more
+    /// than all the rest of a run that has nothing to do).
+    fn to_payload(&self) -> Vec<u8> {
+        let mut payload = serde_json::to_vec(self).expect("entries are plain data");
+        payload.push(b'\n');
+        payload.extend_from_slice(self.key.as_bytes());
+        payload
+    }
+
+    fn from_payload(payload: &[u8]) -> Option<Self> {
+        let line = payload.iter().position(|&it| it == b'\n')?;
+        let mut entry: Self = serde_json::from_slice(&payload[..line]).ok()?;
+        entry.key = std::str::from_utf8(&payload[line + 1..]).ok()?.to_owned();
+        Some(entry)
+    }
 }
 
 /// One artifact of an entry.
@@ -146,7 +165,7 @@ impl Store {
     /// What is stored under a key.
     pub fn entry(&self, key: &Digest) -> Option<Arc<Entry>> {
         let payload = self.log().get(RecordKind::Entry, key)?;
-        serde_json::from_slice(&payload).ok().map(Arc::new)
+        Entry::from_payload(&payload).map(Arc::new)
     }
 
     /// Sees what other processes have written since; costs little if nobody has.
@@ -195,8 +214,7 @@ impl Store {
                     records.push((RecordKind::Object, digest, bytes));
                 }
             }
-            let text = serde_json::to_vec(&entry).expect("entries are plain data");
-            records.push((RecordKind::Entry, key, text));
+            records.push((RecordKind::Entry, key, entry.to_payload()));
         }
         self.log().append(&records)
     }
