@@ -367,6 +367,25 @@ fn a_large_artifact_that_is_gone_or_damaged_is_made_again_for_those_who_need_it(
 }
 
 #[test]
+fn a_result_is_never_stored_under_a_key_that_names_other_inputs() {
+    let bench = Bench::new();
+    let text = "[nodes.drift]\nkind = \"drift\"\n\n\
+                [nodes.length]\nkind = \"count\"\ntext = \"@drift\"\n\n\
+                [outputs]\n\"length.txt\" = \"@length\"\n";
+    bench.run(text);
+    assert_eq!(bench.output("length.txt"), "100000");
+    fs::remove_dir_all(bench.path("cache/objects")).unwrap();
+    // The count runs again, so the lost text is made again, and is another one.
+    let graph = bench.load(text);
+    let mut options = bench.options(2);
+    options.forced.insert(graph.find("length").unwrap());
+    let report = run::run(&graph, &TOY, &bench.store(), &options, &mut Silent);
+    assert_eq!((report.counts(), bench.output("length.txt")), (ran(2), "100001".to_owned()));
+    // Its result belongs to the new text: nothing is left to do.
+    assert_eq!(bench.run(text).counts(), Counts { cached: 2, ..Counts::default() });
+}
+
+#[test]
 fn verification_finds_nothing_in_a_sound_store() {
     let bench = Bench::new();
     bench.run(CHAIN);

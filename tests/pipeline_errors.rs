@@ -136,7 +136,7 @@ fn kinds_and_keys() {
     check(
         "[nodes.a]\nkind = \"transmogrify\"",
         &[
-            "2:8: there is no kind of node `transmogrify` (expected `add`, `count`, `divide`, `fail`, `number`, `optional`, `panic`, `scale`, `sleep`, `text_file` or `pipeline`)",
+            "2:8: there is no kind of node `transmogrify` (expected `add`, `count`, `divide`, `drift`, `fail`, `number`, `optional`, `panic`, `scale`, `sleep`, `text_file` or `pipeline`)",
         ],
     );
     check("[nodes.a]\nvalue = 3", &["1:8: node `a` has no `kind` (`sinew nodes` lists all kinds)"]);

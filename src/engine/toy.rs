@@ -2,6 +2,7 @@
 
 use std::{
     path::{Path, PathBuf},
+    sync::atomic::{AtomicUsize, Ordering},
     time::Duration,
 };
 
@@ -23,6 +24,7 @@ pub static TOY: Library = Library {
         NodeKind::of::<AddNode>(),
         NodeKind::of::<CountNode>(),
         NodeKind::of::<DivideNode>(),
+        NodeKind::of::<DriftNode>(),
         NodeKind::of::<FailNode>(),
         NodeKind::of::<NumberNode>(),
         NodeKind::of::<OptionalNode>(),
@@ -193,6 +195,32 @@ impl Node for DivideNode {
 }
 
 const AFTER: OptionalInput<Number> = OptionalInput::new("after", "only waited for");
+
+/// Breaks the rules: gives a longer text every time, from the same key.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct DriftNode {}
+
+impl DriftNode {
+    const TEXT: Output<Text> = Output::new("text", "too long for the log");
+}
+
+impl Node for DriftNode {
+    const SPEC: Spec = Spec {
+        kind: "drift",
+        version: 1,
+        inputs: &[],
+        outputs: &[Self::TEXT.port()],
+        cites: &[],
+        example: "[nodes.text]\nkind = \"drift\"\n",
+    };
+
+    fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
+        static RUNS: AtomicUsize = AtomicUsize::new(100_000);
+        io.put(Self::TEXT, Text("x".repeat(RUNS.fetch_add(1, Ordering::Relaxed))));
+        Ok(())
+    }
+}
 
 /// Fails.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]

@@ -46,6 +46,8 @@ pub struct Slot {
     pub unknown_inputs: usize,
     /// Producers that must run before this can.
     pub missing_inputs: usize,
+    /// An input was made again with other bytes, so `key` no longer holds.
+    pub stale_key: bool,
     /// Consumers that wait until this has run.
     pub wakes: Vec<NodeIndex>,
     /// Output rules that wait until this has run.
@@ -73,6 +75,7 @@ impl Slot {
             threads: 0,
             unknown_inputs,
             missing_inputs: 0,
+            stale_key: false,
             wakes: Vec::new(),
             waiting_exports: Vec::new(),
             followers: Vec::new(),

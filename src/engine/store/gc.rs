@@ -9,7 +9,7 @@ use std::{
 };
 
 use super::{
-    Entry, StoreError,
+    Access, Entry, StoreError,
     log::{Log, RecordKind},
     objects, open_lock_file,
 };
@@ -188,7 +188,7 @@ pub fn verify(dir: &Path, library: &Library) -> Result<VerifyReport, GcError> {
                 }
                 continue;
             }
-            match objects::read(dir, artifact.ty, &output.digest) {
+            match objects::read(dir, Access::ReadWrite, artifact.ty, &output.digest) {
                 Ok(_) => report.objects += 1,
                 Err(objects::ObjectError::Missing { .. }) => {}
                 Err(error) => {

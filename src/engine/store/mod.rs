@@ -194,7 +194,7 @@ impl Store {
             self.log().forget(RecordKind::Object, digest);
             return Err(ObjectError::Damaged { path: self.dir.join("log"), digest: *digest });
         }
-        objects::read(&self.dir, ty, digest)
+        objects::read(&self.dir, self.access, ty, digest)
     }
 
     /// Writes objects and the entries that name them, in this order.

@@ -10,7 +10,7 @@ use std::{
 
 use memmap2::Mmap;
 
-use super::StoreError;
+use super::{Access, StoreError};
 use crate::engine::{
     artifact::{ArtifactType, digest_of},
     digest::Digest,
@@ -38,7 +38,7 @@ impl Deref for Bytes {
 pub enum ObjectError {
     #[error("object {} is not in the store", digest.short())]
     Missing { digest: Digest },
-    #[error("object {} in `{}` is damaged and was set aside", digest.short(), path.display())]
+    #[error("object {} in `{}` is damaged", digest.short(), path.display())]
     Damaged { path: PathBuf, digest: Digest },
     #[error("cannot read `{}`: {error}", path.display())]
     Unreadable { path: PathBuf, error: io::Error },
@@ -50,7 +50,13 @@ pub fn path(store: &Path, digest: &Digest) -> PathBuf {
     store.join("objects").join(&name[..2]).join(format!("{name}.safetensors"))
 }
 
-pub fn read(store: &Path, ty: ArtifactType, digest: &Digest) -> Result<Bytes, ObjectError> {
+/// Reads an object; a damaged one is set aside unless the store is only read.
+pub fn read(
+    store: &Path,
+    access: Access,
+    ty: ArtifactType,
+    digest: &Digest,
+) -> Result<Bytes, ObjectError> {
     let path = path(store, digest);
     let file = match File::open(&path) {
         Ok(file) => file,
@@ -68,7 +74,9 @@ pub fn read(store: &Path, ty: ArtifactType, digest: &Digest) -> Result<Bytes, Ob
         return Ok(bytes);
     }
     // Out of the way, so that the next writer finds its place free; kept, so that it can be studied.
-    let _ = fs::rename(&path, path.with_extension("damaged"));
+    if access == Access::ReadWrite {
+        let _ = fs::rename(&path, path.with_extension("damaged"));
+    }
     Err(ObjectError::Damaged { path, digest: *digest })
 }
 

@@ -160,10 +160,10 @@ impl<'a> Coordinator<'a> {
             self.keep_live(instance, &outputs, &live);
         }
         let reason = self.slots[index].reason.clone();
-        self.made(index, &outputs, Outcome::Ran { wall, reason, notes });
+        self.settle(index, outputs.clone(), Outcome::Ran { wall, reason, notes });
         for follower in followers {
             self.slots[follower].work = Work::Idle;
-            self.made(follower, &outputs, Outcome::Shared);
+            self.settle(follower, outputs.clone(), Outcome::Shared);
         }
         self.relieve_memory();
     }
@@ -215,30 +215,57 @@ impl<'a> Coordinator<'a> {
         queues.writes.send(write).expect("the writer lives as long as the run");
     }
 
-    /// An instance's outputs were made in this run.
-    pub(super) fn made(&mut self, index: NodeIndex, outputs: &Outputs, outcome: Outcome) {
-        let before = self.slots[index].outputs.replace(outputs.clone());
+    /// An instance's outputs are known: by a run, or from the store.
+    ///
+    /// A lost result that was made again may have other bytes than before (its kind is not
+    /// reproducible). Those who wait for it then get another key, so that nothing is ever stored under
+    /// a key that names inputs it was not made from.
+    pub(super) fn settle(&mut self, index: NodeIndex, outputs: Outputs, outcome: Outcome) {
+        let before = self.slots[index].outputs.replace(outputs);
+        let changed = before.is_some() && before != self.slots[index].outputs;
+        if changed {
+            let id = self.context.graph.instances[index].id();
+            tracing::warn!(instance = id, "gave other bytes than before from the same key");
+        }
         self.end(index, outcome);
         let wakes = std::mem::take(&mut self.slots[index].wakes);
         let exports = std::mem::take(&mut self.slots[index].waiting_exports);
-        match before {
-            None => self.announce(index),
-            Some(before) if before != *outputs => {
-                let id = self.context.graph.instances[index].id();
-                tracing::warn!(instance = id, "gave other bytes than before from the same key");
-            }
-            Some(_) => {}
+        if before.is_none() {
+            self.announce(index);
         }
         self.ready_exports.extend(exports);
         for consumer in wakes {
-            // It may have been skipped meanwhile, because another of its inputs failed.
-            if self.slots[consumer].work != Work::Waiting {
-                continue;
-            }
-            self.slots[consumer].missing_inputs -= 1;
-            if self.slots[consumer].missing_inputs == 0 {
-                self.prepare(consumer);
-            }
+            self.wake(consumer, changed);
+        }
+    }
+
+    /// One of the producers that an instance waits for is there again.
+    fn wake(&mut self, index: NodeIndex, producer_changed: bool) {
+        let slot = &mut self.slots[index];
+        // It may have been skipped meanwhile, because another of its inputs failed.
+        if slot.work != Work::Waiting {
+            return;
+        }
+        slot.missing_inputs -= 1;
+        slot.stale_key |= producer_changed;
+        match (slot.missing_inputs, slot.stale_key) {
+            (0, false) => self.prepare(index),
+            (0, true) => self.resolve_again(index),
+            _ => {}
+        }
+    }
+
+    /// An instance's key names an input that is no more: it and its followers get new ones.
+    fn resolve_again(&mut self, index: NodeIndex) {
+        let key = self.key_digest(index);
+        self.in_flight.remove(&key);
+        let followers = std::mem::take(&mut self.slots[index].followers);
+        for instance in followers.into_iter().chain([index]) {
+            let slot = &mut self.slots[instance];
+            slot.stale_key = false;
+            slot.work = Work::Idle;
+            slot.outcome = None;
+            self.resolvable.push_back(instance);
         }
     }
 }

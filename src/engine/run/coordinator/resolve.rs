@@ -69,9 +69,7 @@ impl<'a> Coordinator<'a> {
     pub(super) fn found(&mut self, index: NodeIndex, outputs: Outputs, outcome: Outcome) {
         self.slots[index].stored = true;
         self.slots[index].work = Work::Idle;
-        self.slots[index].outputs = Some(outputs);
-        self.end(index, outcome);
-        self.announce(index);
+        self.settle(index, outputs, outcome);
     }
 
     /// Tells consumers and exports that an instance's outputs are known now.
