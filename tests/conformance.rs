@@ -131,7 +131,7 @@ fn mean_magnitudes(
     let store = Store::open(&folder.join("one"), Access::ReadOnly).unwrap();
     let mut means = BTreeMap::new();
     for ((node, port), (ty, digest)) in outputs {
-        if graph.instances[graph.find(node).unwrap()].kind.spec.kind != kind {
+        if graph.instances[graph.select(node)[0]].kind.spec.kind != kind {
             continue;
         }
         let bytes = store.object(LIBRARY.artifact_kind(ty).unwrap().ty, digest).unwrap();

@@ -217,14 +217,14 @@ fn failures_stop_only_what_depends_on_them() {
     assert!(!report.succeeded() && report.panicked() && !report.environment_failed());
     assert_eq!(bench.output("sum.txt"), "5");
     assert_eq!(report.exports[1], ExportOutcome::Skipped);
-    let outcome = |id: &str| &report.outcomes[graph.find(id).unwrap().index()];
+    let outcome = |id: &str| &report.outcomes[graph.select(id)[0].index()];
     let Outcome::Failed { failure: Failure::Node(message), .. } = outcome("bad") else { panic!() };
     assert_eq!(message, "no luck");
     let Outcome::Failed { failure: Failure::Panic(message), .. } = outcome("worse") else {
         panic!()
     };
     assert!(message.starts_with("this node always panics (src/engine/toy.rs:"), "{message}");
-    assert_eq!(*outcome("after"), Outcome::Skipped { because: graph.find("bad").unwrap() });
+    assert_eq!(*outcome("after"), Outcome::Skipped { because: graph.select("bad")[0] });
     // What is mended runs, what was done stays done.
     let mended = text.replace("kind = \"fail\"\nmessage = \"no luck\"", "kind = \"number\"");
     assert_eq!(bench.run(&mended).counts().ran, 2);
@@ -272,7 +272,7 @@ fn forced_nodes_run_and_their_equal_results_cut_off_the_rest() {
     bench.run(CHAIN);
     let graph = bench.load(CHAIN);
     let mut options = bench.options(2);
-    options.forced.insert(graph.find("one").unwrap());
+    options.forced.insert(graph.select("one")[0]);
     let report = run::run(&graph, &TOY, &bench.store(), &options, &mut Silent);
     assert_eq!(report.counts(), Counts { ran: 1, cut_off: 3, ..Counts::default() });
 }
@@ -282,7 +282,7 @@ fn a_target_runs_only_what_it_needs() {
     let bench = Bench::new();
     let graph = bench.load(CHAIN);
     let mut options = bench.options(2);
-    options.targets.push(graph.find("ten").unwrap());
+    options.targets.push(graph.select("ten")[0]);
     let report = run::run(&graph, &TOY, &bench.store(), &options, &mut Silent);
     assert_eq!(report.counts(), ran(2));
 }
@@ -378,7 +378,7 @@ fn a_result_is_never_stored_under_a_key_that_names_other_inputs() {
     // The count runs again, so the lost text is made again, and is another one.
     let graph = bench.load(text);
     let mut options = bench.options(2);
-    options.forced.insert(graph.find("length").unwrap());
+    options.forced.insert(graph.select("length")[0]);
     let report = run::run(&graph, &TOY, &bench.store(), &options, &mut Silent);
     assert_eq!((report.counts(), bench.output("length.txt")), (ran(2), "100001".to_owned()));
     // Its result belongs to the new text: nothing is left to do.
@@ -611,7 +611,7 @@ fn nothing_waits_for_ever_when_a_claim_is_held_elsewhere() {
     let key = {
         let memory = PipelineMemory::new(&store, &graph);
         let plan = plan::plan(&graph, &[], &BTreeSet::new(), &memory);
-        match plan.statuses[graph.find("one").unwrap().index()] {
+        match plan.statuses[graph.select("one")[0].index()] {
             Status::Run { key, .. } => key,
             ref other => panic!("{other:?}"),
         }

@@ -19,7 +19,7 @@ fn load_from(folder: &Path, files: &[(&str, &str)], set: &[&str]) -> Graph {
         fs::write(path, text).unwrap();
     }
     let set = set.iter().map(|it| (*it).to_owned()).collect();
-    let settings = Settings { profile: None, set };
+    let settings = Settings { set, ..Settings::default() };
     pipeline::load(&folder.join("pipeline.toml"), &TOY, &settings)
         .unwrap_or_else(|e| panic!("{}", e.render(false)))
 }
@@ -29,7 +29,7 @@ fn load(files: &[(&str, &str)]) -> Graph {
 }
 
 fn param(graph: &Graph, node: &str, name: &str) -> serde_json::Value {
-    let index = graph.find(node).unwrap_or_else(|| panic!("there is no node `{node}`"));
+    let [index] = graph.select(node)[..] else { panic!("there is no one node `{node}`") };
     graph.instances[index].node.canonical_params()[name].clone()
 }
 
@@ -76,7 +76,7 @@ terms = ["@one", "@second.result", "@first.result"]
 #[test]
 fn an_inner_pipeline_becomes_its_nodes() {
     let graph = load(&[("pipeline.toml", NESTED), ("parts/double.toml", DOUBLE)]);
-    let names: Vec<&str> = graph.instances.node_weights().map(|it| it.name.as_str()).collect();
+    let names: Vec<&str> = graph.instances.node_weights().map(|it| &*it.name).collect();
     assert_eq!(names, ["one", "first/scaled", "second/scaled", "sum"]);
     assert_eq!(param(&graph, "first/scaled", "factor"), 2.0);
     assert_eq!(param(&graph, "second/scaled", "factor"), 3.0);
@@ -129,7 +129,7 @@ terms = ["@m.same", "@m.double"]
 "#;
     let graph =
         load(&[("pipeline.toml", outer), ("middle.toml", middle), ("parts/double.toml", DOUBLE)]);
-    assert!(graph.find("m/inner/scaled").is_some());
+    assert!(!graph.select("m/inner/scaled").is_empty());
     assert!(graph::text(&graph).contains("terms ← one, terms ← m/inner/scaled"));
 }
 
@@ -161,7 +161,11 @@ fn a_profile_overrides_parameters_and_a_setting_overrides_the_profile() {
         [nodes.y]\nkind = \"number\"\nvalue = \"${b}\"\n";
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("pipeline.toml"), text).unwrap();
-    let settings = Settings { profile: Some("fast".to_owned()), set: vec!["b=3".to_owned()] };
+    let settings = Settings {
+        profile: Some("fast".to_owned()),
+        set: vec!["b=3".to_owned()],
+        ..Settings::default()
+    };
     let graph = pipeline::load(&folder.path().join("pipeline.toml"), &TOY, &settings);
     let graph = graph.unwrap_or_else(|e| panic!("{}", e.render(false)));
     assert_eq!((param(&graph, "x", "value"), param(&graph, "y", "value")), (2.into(), 3.into()));
@@ -199,7 +203,7 @@ path = "${name}.txt"
     ];
     let graph = load_from(folder.path(), &files, &[]);
     let paths = |node: &str| -> Vec<String> {
-        let instance = &graph.instances[graph.find(node).unwrap()];
+        let instance = &graph.instances[graph.select(node)[0]];
         let relative =
             |it: &std::path::PathBuf| it.strip_prefix(folder.path()).unwrap().display().to_string();
         instance.files.values().map(relative).collect()
@@ -212,7 +216,7 @@ path = "${name}.txt"
 #[test]
 fn places_name_the_lines_of_nodes_and_parameters() {
     let graph = load(&[("pipeline.toml", NESTED), ("parts/double.toml", DOUBLE)]);
-    let instance = &graph.instances[graph.find("second/scaled").unwrap()];
+    let instance = &graph.instances[graph.select("second/scaled")[0]];
     assert!(graph.show_place(&instance.place).ends_with("parts/double.toml:8"));
     let factor = &instance.field_places["factor"];
     assert!(graph.show_place(factor).ends_with("parts/double.toml:11"));
@@ -251,7 +255,7 @@ fn no_damage_to_a_file_makes_the_reader_panic() {
     let text = format!("{NESTED}[nodes.ü]\nkind = \"fail\"\nmessage = \"→ ${{by}}\"\n");
     let read = |damaged: &str| {
         let folder = std::path::PathBuf::from("nowhere");
-        let settings = Settings { profile: None, set: vec![damaged.replace('\n', "=")] };
+        let settings = Settings { set: vec![damaged.replace('\n', "=")], ..Settings::default() };
         for settings in [Settings::default(), settings] {
             if let Err(diagnostics) = pipeline::load_text(damaged, folder.clone(), &TOY, &settings)
             {

@@ -51,7 +51,7 @@ fn check(text: &str, expected: &[&str]) {
 #[track_caller]
 fn check_settings(text: &str, profile: Option<&str>, set: &[&str], expected: &[&str]) {
     let set = set.iter().map(|it| (*it).to_owned()).collect();
-    let settings = Settings { profile: profile.map(str::to_owned), set };
+    let settings = Settings { profile: profile.map(str::to_owned), set, ..Settings::default() };
     assert_eq!(lines(load(&[("pipeline.toml", text)], &settings)), expected, "\n{text}\n");
 }
 
@@ -85,10 +85,7 @@ fn sections() {
         "[pipeline]\ntitle = 3\ncite = [1]",
         &["5:9: `title` must be a text, but is 3", "6:9: `cite` must be a text, but is 1"],
     );
-    check_after_one(
-        "[axes.k]\nvalues = [1]",
-        &["4:2: axes are not supported yet (write a node for each item)"],
-    );
+    check_after_one("[axes.k]\nvalues = [1]", &[]);
     check("nodes = 3", &["1:9: `nodes` must be a table, but is 3"]);
     check("[nodes]\na = 3", &["2:5: node `a` must be a table, but is 3"]);
     check(

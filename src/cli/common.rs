@@ -49,17 +49,50 @@ pub fn memory<'a>(store: &'a Store, graph: &Graph) -> PipelineMemory<'a> {
     PipelineMemory::new(store, graph)
 }
 
-/// The instance that a user names.
+/// The one instance that a user names.
 pub fn find(graph: &Graph, id: &str) -> Result<NodeIndex, Failure> {
-    graph.find(id).ok_or_else(|| {
-        let ids: Vec<String> = graph.instances.node_weights().map(|it| it.id()).collect();
-        let hint = pipeline::suggest(id, ids.iter().map(String::as_str));
-        let hint = hint.map(|it| format!("\nhint: {it}")).unwrap_or_default();
-        Failure::usage(format_args!("the pipeline has no node `{id}`{hint}"))
-    })
+    match select(graph, id)?[..] {
+        [one] => Ok(one),
+        ref several => {
+            let ids = several.iter().map(|&it| graph.instances[it].id());
+            let ids: Vec<String> = ids.take(4).map(|it| format!("`{it}`")).collect();
+            let more = if several.len() > ids.len() { ", …" } else { "" };
+            let (count, ids) = (several.len(), ids.join(", "));
+            Err(Failure::usage(format_args!(
+                "`{id}` is there {count} times\nhint: name one of {ids}{more}"
+            )))
+        }
+    }
 }
 
-/// The instances that a user names.
-pub fn find_all(graph: &Graph, ids: &[String]) -> Result<Vec<NodeIndex>, Failure> {
-    ids.iter().map(|id| find(graph, id)).collect()
+/// The instances that a user names: a node, or a node at some of its items.
+pub fn select(graph: &Graph, id: &str) -> Result<Vec<NodeIndex>, Failure> {
+    let found = graph.select(id);
+    if !found.is_empty() {
+        return Ok(found);
+    }
+    let name = id.split('@').next().unwrap_or_default();
+    let has_name = graph.instances.node_weights().any(|it| *it.name == *name);
+    let hint = if has_name {
+        let ids = graph.instances.node_weights().filter(|it| *it.name == *name).map(|it| it.id());
+        let ids: Vec<String> = ids.collect();
+        pipeline::suggest(id, ids.iter().map(String::as_str))
+    } else {
+        let mut names: Vec<&str> = graph.instances.node_weights().map(|it| &*it.name).collect();
+        names.dedup();
+        pipeline::suggest(name, names)
+    };
+    let hint = hint.map(|it| format!("\nhint: {it}")).unwrap_or_default();
+    Err(Failure::usage(format_args!("the pipeline has no node `{id}`{hint}")))
+}
+
+/// The instances that a user names, each once.
+pub fn select_all(graph: &Graph, ids: &[String]) -> Result<Vec<NodeIndex>, Failure> {
+    let mut res = Vec::new();
+    for id in ids {
+        res.extend(select(graph, id)?);
+    }
+    res.sort_unstable();
+    res.dedup();
+    Ok(res)
 }

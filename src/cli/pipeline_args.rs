@@ -27,6 +27,12 @@ pub struct SettingsArgs {
     /// Set a parameter: `k=60`, or of one node: `eigs.k=60`; can be repeated
     #[arg(long, value_name = "NAME=VALUE")]
     set: Vec<String>,
+    /// Use only these items of an axis: `shape=cat,dog-*`; can be repeated
+    #[arg(long, value_name = "AXIS=ITEM,…")]
+    only: Vec<String>,
+    /// Use only the first items of an axis: `shape=5`; can be repeated
+    #[arg(long, value_name = "AXIS=N")]
+    limit: Vec<String>,
 }
 
 impl PipelineArgs {
@@ -45,6 +51,11 @@ impl SettingsArgs {
     }
 
     pub fn to_settings(&self) -> Settings {
-        Settings { profile: self.profile.clone(), set: self.set.clone() }
+        Settings {
+            profile: self.profile.clone(),
+            set: self.set.clone(),
+            only: self.only.clone(),
+            limit: self.limit.clone(),
+        }
     }
 }

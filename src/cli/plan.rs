@@ -36,7 +36,7 @@ pub struct Args {
 pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
     let graph = args.pipeline.load()?;
     let store = args.store.open_read_only()?;
-    let targets = common::find_all(&graph, &args.nodes)?;
+    let targets = common::select_all(&graph, &args.nodes)?;
     let memory = common::memory(&store, &graph);
     let plan = plan::plan(&graph, &targets, &BTreeSet::new(), &memory);
     if ui.json {

@@ -69,8 +69,8 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
     let options = RunOptions {
         threads: args.jobs.unwrap_or_else(available_threads).max(1),
         memory: args.mem.unwrap_or_else(default_memory),
-        targets: common::find_all(&graph, &args.nodes)?,
-        forced: common::find_all(&graph, &args.force)?.into_iter().collect(),
+        targets: common::select_all(&graph, &args.nodes)?,
+        forced: common::select_all(&graph, &args.force)?.into_iter().collect(),
         fail_fast: args.fail_fast,
         surroundings: Surroundings { mirrors: args.mirror.clone(), offline: args.offline },
         output_dir: args.out.clone(),

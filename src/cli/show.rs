@@ -72,7 +72,7 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
 
 /// `NODE` or `NODE.PORT`.
 fn find_port<'a>(graph: &Graph, text: &'a str) -> Result<(NodeIndex, Option<&'a str>), Failure> {
-    if let Some(index) = graph.find(text) {
+    if let [index] = graph.select(text)[..] {
         return Ok((index, None));
     }
     let (id, port) = match text.rsplit_once('.') {

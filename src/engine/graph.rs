@@ -24,22 +24,32 @@ pub struct Graph {
     pub sources: Vec<Source>,
 }
 
+/// (axis, item) pairs, for people; empty for what has no axes.
+pub type Labels = Arc<[(Arc<str>, Arc<str>)]>;
+
+/// By port: where its artifacts come from, in order.
+pub type Inputs = BTreeMap<&'static str, Vec<PortRef>>;
+
+/// By labelled port: what the items are called that it gathers, in the order of [`Inputs`].
+pub type InputLabels = BTreeMap<&'static str, Vec<Labels>>;
+
 /// A node at one point of its axes.
 pub struct Instance {
-    /// Unique among the nodes of the graph; `outer/inner` for a node of an inner pipeline.
-    pub name: String,
-    /// (axis, item) pairs, for people; empty for a node without axes.
-    pub labels: Vec<(String, String)>,
+    /// The same for all instances of a node; `outer/inner` for a node of an inner pipeline.
+    pub name: Arc<str>,
+    pub labels: Labels,
     pub kind: &'static NodeKind,
-    pub node: Box<dyn AnyNode>,
-    /// By port: where its artifacts come from, in order.
-    pub inputs: BTreeMap<&'static str, Vec<PortRef>>,
+    pub node: Arc<dyn AnyNode>,
+    pub inputs: Inputs,
+    pub input_labels: InputLabels,
+    /// Inputs at labelled ports that failed are told to the node instead of stopping it.
+    pub shows_missing: bool,
     /// From the paths of file parameters (and their side files) to real paths.
     pub files: BTreeMap<PathBuf, PathBuf>,
     /// Where the node is declared.
     pub place: Place,
     /// Where its parameters and wires are written.
-    pub field_places: BTreeMap<String, Place>,
+    pub field_places: Arc<BTreeMap<String, Place>>,
 }
 
 /// One output of one instance.
@@ -74,9 +84,15 @@ pub struct Place {
 }
 
 impl Graph {
-    /// The instance of this name (and labels, written `name@item,item`).
-    pub fn find(&self, id: &str) -> Option<NodeIndex> {
-        self.instances.node_indices().find(|&it| self.instances[it].id() == id)
+    /// The instances that a user names: `score` (at all its items), `score@wolf,40`, or
+    /// `score@target=wolf` (at this item, whatever the others are).
+    pub fn select(&self, id: &str) -> Vec<NodeIndex> {
+        let (name, items) = id.split_once('@').map_or((id, None), |it| (it.0, Some(it.1)));
+        let is_meant = |it: &NodeIndex| {
+            let instance = &self.instances[*it];
+            *instance.name == *name && items.is_none_or(|items| instance.is_at(items))
+        };
+        self.instances.node_indices().filter(is_meant).collect()
     }
 
     /// `file:line` of a place.
@@ -91,10 +107,22 @@ impl Instance {
     /// The name with the labels of its axes: `score@wolf,40`.
     pub fn id(&self) -> String {
         if self.labels.is_empty() {
-            return self.name.clone();
+            return self.name.to_string();
         }
-        let items: Vec<&str> = self.labels.iter().map(|it| it.1.as_str()).collect();
+        let items: Vec<&str> = self.labels.iter().map(|it| &*it.1).collect();
         format!("{}@{}", self.name, items.join(","))
+    }
+
+    /// Whether it is at these items: all labels in order, or some of them, also as `axis=label`.
+    fn is_at(&self, items: &str) -> bool {
+        let all: Vec<&str> = self.labels.iter().map(|it| &*it.1).collect();
+        let is_one = |it: &str| {
+            let is_at = |(axis, label): (&str, &str)| {
+                self.labels.iter().any(|it| *it.0 == *axis && *it.1 == *label)
+            };
+            all.contains(&it) || it.split_once('=').is_some_and(is_at)
+        };
+        all.join(",") == items || items.split(',').all(is_one)
     }
 
     /// The real path of a declared file.

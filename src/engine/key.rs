@@ -26,17 +26,28 @@ pub struct Key {
     pub params: Value,
     /// Contents of files, by parameter (`path`) or by the name of a side file.
     pub files: BTreeMap<String, Digest>,
-    /// Contents of inputs, by port; `None` for an optional output that was left out.
+    /// Contents of inputs, by port; `None` for an optional output that was left out, and for what is
+    /// missing.
     pub inputs: BTreeMap<String, Vec<Option<Digest>>>,
+    /// By labelled port: what the items are called that it gathers, as `axis=item` pairs.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub items: BTreeMap<String, Vec<Vec<String>>>,
+    /// By labelled port: positions of items that are missing, and why.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub missing: BTreeMap<String, Vec<(usize, String)>>,
+}
+
+/// The inputs of a key.
+#[derive(Debug, Default)]
+pub struct KeyInputs {
+    pub digests: BTreeMap<String, Vec<Option<Digest>>>,
+    pub items: BTreeMap<String, Vec<Vec<String>>>,
+    pub missing: BTreeMap<String, Vec<(usize, String)>>,
 }
 
 impl Key {
     /// The key of a node with these inputs and files.
-    pub fn new(
-        node: &dyn AnyNode,
-        inputs: BTreeMap<String, Vec<Option<Digest>>>,
-        files: BTreeMap<String, Digest>,
-    ) -> Self {
+    pub fn new(node: &dyn AnyNode, inputs: KeyInputs, files: BTreeMap<String, Digest>) -> Self {
         let spec = node.spec();
         Self {
             format: KEY_FORMAT,
@@ -45,7 +56,9 @@ impl Key {
             numerics: NUMERICS.clone(),
             params: sorted(node.canonical_params()),
             files,
-            inputs,
+            inputs: inputs.digests,
+            items: inputs.items,
+            missing: inputs.missing,
         }
     }
 
@@ -69,6 +82,8 @@ impl Key {
         compare("params", &entries(&old.params), &entries(&self.params), &mut field);
         compare("files", &shown(&old.files), &shown(&self.files), &mut field);
         compare("inputs", &shown_lists(&old.inputs), &shown_lists(&self.inputs), &mut field);
+        compare("items", &shown_items(&old.items), &shown_items(&self.items), &mut field);
+        compare("missing", &shown_missing(&old.missing), &shown_missing(&self.missing), &mut field);
         res
     }
 }
@@ -90,6 +105,12 @@ impl std::fmt::Display for Difference {
         }
         if let Some(file) = self.what.strip_prefix("files.") {
             return write!(f, "file `{file}` changed");
+        }
+        if let Some(port) = self.what.strip_prefix("items.") {
+            return write!(f, "`{port}` gathers {}", gained_and_lost(&self.old, &self.new));
+        }
+        if let Some(port) = self.what.strip_prefix("missing.") {
+            return write!(f, "what is missing at `{port}`: {} -> {}", self.old, self.new);
         }
         let what = self.what.strip_prefix("params.").unwrap_or(&self.what);
         write!(f, "`{what}`: {} -> {}", self.old, self.new)
@@ -122,6 +143,36 @@ fn shown_lists(inputs: &BTreeMap<String, Vec<Option<Digest>>>) -> BTreeMap<Strin
     let show = |it: &Option<Digest>| it.as_ref().map_or("none".to_owned(), Digest::short);
     let list = |it: &Vec<Option<Digest>>| it.iter().map(show).collect::<Vec<_>>().join(" ");
     inputs.iter().map(|(port, digests)| (port.clone(), list(digests))).collect()
+}
+
+fn shown_items(items: &BTreeMap<String, Vec<Vec<String>>>) -> BTreeMap<String, String> {
+    let list = |it: &[Vec<String>]| it.iter().map(|it| it.join(",")).collect::<Vec<_>>().join("; ");
+    items.iter().map(|(port, items)| (port.clone(), list(items))).collect()
+}
+
+fn shown_missing(missing: &BTreeMap<String, Vec<(usize, String)>>) -> BTreeMap<String, String> {
+    let list = |it: &[(usize, String)]| {
+        it.iter().map(|(at, why)| format!("item {at} ({why})")).collect::<Vec<_>>().join(", ")
+    };
+    missing.iter().map(|(port, items)| (port.clone(), list(items))).collect()
+}
+
+/// Which items came and went, the first few of each.
+fn gained_and_lost(old: &str, new: &str) -> String {
+    let (old, new): (Vec<&str>, Vec<&str>) = (old.split("; ").collect(), new.split("; ").collect());
+    let list = |sign: &str, from: &[&str], than: &[&str]| {
+        let than: std::collections::HashSet<&str> = than.iter().copied().collect();
+        let mut names: Vec<String> =
+            from.iter().filter(|it| !than.contains(*it)).map(|it| format!("{sign}{it}")).collect();
+        if names.len() > 3 {
+            let n_more = names.len() - 3;
+            names.truncate(3);
+            names.push(format!("… and {n_more} more"));
+        }
+        names
+    };
+    let changes = [list("+", &new, &old), list("-", &old, &new)].concat();
+    if changes.is_empty() { "its items in another order".to_owned() } else { changes.join(", ") }
 }
 
 /// Sorts the names of all objects, so that moving a field in a struct changes no key.

@@ -10,7 +10,10 @@ use std::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-use super::artifact::{AnyArtifact, Artifact, ArtifactType};
+use super::{
+    artifact::{AnyArtifact, Artifact, ArtifactType},
+    graph::{InputLabels, Labels},
+};
 
 /// How many wires a port takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,10 +47,12 @@ pub struct Port {
     pub doc: &'static str,
     pub ty: ArtifactType,
     pub arity: Arity,
+    /// Whether the node is told what the items are called that the port gathers, and which are missing.
+    pub labelled: bool,
 }
 
 macro_rules! port_key {
-    ($(#[$doc:meta])* $name:ident, $arity:ident) => {
+    ($(#[$doc:meta])* $name:ident, $arity:ident, labelled: $labelled:literal) => {
         $(#[$doc])*
         pub struct $name<T> {
             name: &'static str,
@@ -69,7 +74,13 @@ macro_rules! port_key {
             }
 
             pub const fn port(&self) -> Port {
-                Port { name: self.name, doc: self.doc, ty: T::TYPE, arity: Arity::$arity }
+                Port {
+                    name: self.name,
+                    doc: self.doc,
+                    ty: T::TYPE,
+                    arity: Arity::$arity,
+                    labelled: $labelled,
+                }
             }
         }
     };
@@ -78,32 +89,45 @@ macro_rules! port_key {
 port_key!(
     /// A typed key for something a node reads.
     Input,
-    One
+    One,
+    labelled: false
 );
 port_key!(
     /// A typed key for something a node reads if it is wired.
     OptionalInput,
-    Optional
+    Optional,
+    labelled: false
 );
 port_key!(
     /// A typed key for any number of artifacts, in the order in which they are listed.
     Inputs,
-    Many
+    Many,
+    labelled: false
+);
+port_key!(
+    /// A typed key for a list whose node wants to know what each artifact is called, by the items of
+    /// the axes that it gathers. With `missing = "show"`, some of them may be missing.
+    LabelledInputs,
+    Many,
+    labelled: true
 );
 port_key!(
     /// A typed key for any number of artifacts, or none if it is not wired.
     OptionalInputs,
-    OptionalMany
+    OptionalMany,
+    labelled: false
 );
 port_key!(
     /// A typed key for something a node writes.
     Output,
-    One
+    One,
+    labelled: false
 );
 port_key!(
     /// A typed key for something a node writes if its inputs have it.
     OptionalOutput,
-    Optional
+    Optional,
+    labelled: false
 );
 
 /// A file that a node reads, named by a parameter. Only its content and its extension count.
@@ -214,10 +238,22 @@ pub struct Surroundings {
 /// A progress report of a running node: the done fraction if it is known, and what is being done.
 pub type ProgressFn<'a> = &'a (dyn Fn(Option<f64>, &str) + Sync);
 
+/// What is at an input: artifacts in order, or why one is missing.
+pub type PortInputs = Vec<Result<AnyArtifact, Arc<str>>>;
+
+/// One of the artifacts that a labelled port gathers.
+pub struct Labelled<T> {
+    /// (axis, item), of the axes that are gathered.
+    pub labels: Labels,
+    /// Why it is missing, if it is.
+    pub value: Result<Arc<T>, Arc<str>>,
+}
+
 /// A node's window on the world: its ports, its files, its surroundings.
 pub struct NodeIo<'a> {
     spec: &'a Spec,
-    inputs: BTreeMap<&'static str, Vec<AnyArtifact>>,
+    inputs: BTreeMap<&'static str, PortInputs>,
+    input_labels: InputLabels,
     files: BTreeMap<PathBuf, PathBuf>,
     surroundings: &'a Surroundings,
     progress: ProgressFn<'a>,
@@ -239,12 +275,14 @@ impl<'a> NodeIo<'a> {
     /// `files` leads from the paths of parameters to the real paths.
     pub fn new(
         spec: &'a Spec,
-        inputs: BTreeMap<&'static str, Vec<AnyArtifact>>,
+        inputs: BTreeMap<&'static str, PortInputs>,
+        input_labels: InputLabels,
         files: BTreeMap<PathBuf, PathBuf>,
         surroundings: &'a Surroundings,
         progress: ProgressFn<'a>,
     ) -> Self {
-        Self { spec, inputs, files, surroundings, progress, outputs: NodeOutputs::default() }
+        let outputs = NodeOutputs::default();
+        Self { spec, inputs, input_labels, files, surroundings, progress, outputs }
     }
 
     /// The artifact at an input.
@@ -270,15 +308,36 @@ impl<'a> NodeIo<'a> {
         self.all(port.name).collect()
     }
 
-    fn all<T: Artifact>(&self, name: &'static str) -> impl Iterator<Item = Arc<T>> + '_ {
+    /// The artifacts that a labelled port gathers, with their labels.
+    pub fn get_labelled<T: Artifact>(&self, port: LabelledInputs<T>) -> Vec<Labelled<T>> {
+        self.assert_input(port.name);
+        let inputs = self.inputs.get(port.name).into_iter().flatten();
+        let mut labels = self.input_labels.get(port.name).into_iter().flatten().cloned();
+        inputs
+            .map(|it| Labelled {
+                labels: labels.next().unwrap_or_default(),
+                value: it
+                    .as_ref()
+                    .map_err(Arc::clone)
+                    .map(|it| it.downcast().expect("a checked pipeline wires equal types")),
+            })
+            .collect()
+    }
+
+    fn assert_input(&self, name: &str) {
         assert!(
             self.spec.inputs.iter().any(|it| it.name == name),
             "`{}` does not declare its input `{name}`",
             self.spec.kind
         );
+    }
+
+    fn all<T: Artifact>(&self, name: &'static str) -> impl Iterator<Item = Arc<T>> + '_ {
+        self.assert_input(name);
         self.inputs
             .get(name)
             .into_iter()
+            .flatten()
             .flatten()
             .map(|it| it.downcast().expect("a checked pipeline wires equal types"))
     }

@@ -12,8 +12,8 @@ use petgraph::{Direction, graph::NodeIndex};
 use super::{
     digest::Digest,
     file_digests,
-    graph::{Graph, Instance, PortRef},
-    key::{Difference, Key},
+    graph::{Graph, Instance, Labels, PortRef},
+    key::{Difference, Key, KeyInputs},
     node::Arity,
     store::{Entry, Note, Store},
 };
@@ -135,21 +135,37 @@ impl KeyError {
     }
 }
 
+/// What an instance finds where a wire leads.
+#[derive(Debug, Clone, Copy)]
+pub enum Producer<'a> {
+    Known(&'a Outputs),
+    /// It failed, and the instance shows what is missing.
+    Failed(&'a str),
+}
+
 /// The key of an instance whose inputs' producers are all known.
 ///
 /// # Errors
 /// See [`KeyError`].
 pub fn key_of<'a>(
     instance: &Instance,
-    outputs: impl Fn(NodeIndex) -> &'a Outputs,
+    producer: impl Fn(NodeIndex) -> Producer<'a>,
     memory: &dyn Memory,
 ) -> Result<Key, KeyError> {
-    let mut inputs = BTreeMap::new();
+    let mut inputs = KeyInputs::default();
     for port in instance.kind.spec.inputs {
         let Some(sources) = instance.inputs.get(port.name) else { continue };
         let mut digests = Vec::with_capacity(sources.len());
-        for &from in sources {
-            let producer = outputs(from.instance);
+        let mut missing = Vec::new();
+        for (at, &from) in sources.iter().enumerate() {
+            let producer = match producer(from.instance) {
+                Producer::Known(outputs) => outputs,
+                Producer::Failed(why) => {
+                    digests.push(None);
+                    missing.push((at, why.to_owned()));
+                    continue;
+                }
+            };
             match producer.artifacts.get(from.port) {
                 Some(info) => digests.push(Some(info.digest)),
                 None if port.arity == Arity::Optional => digests.push(None),
@@ -159,7 +175,15 @@ pub fn key_of<'a>(
                 }
             }
         }
-        inputs.insert(port.name.to_owned(), digests);
+        inputs.digests.insert(port.name.to_owned(), digests);
+        if !missing.is_empty() {
+            inputs.missing.insert(port.name.to_owned(), missing);
+        }
+        if let Some(labels) = instance.input_labels.get(port.name)
+            && labels.iter().any(|it| !it.is_empty())
+        {
+            inputs.items.insert(port.name.to_owned(), labels.iter().map(shown_labels).collect());
+        }
     }
     let mut files = BTreeMap::new();
     let declared = instance.node.files();
@@ -179,6 +203,10 @@ pub fn key_of<'a>(
         files.insert(name, digest);
     }
     Ok(Key::new(instance.node.as_ref(), inputs, files))
+}
+
+fn shown_labels(labels: &Labels) -> Vec<String> {
+    labels.iter().map(|(axis, item)| format!("{axis}={item}")).collect()
 }
 
 /// Why an instance runs.
@@ -286,7 +314,9 @@ pub fn plan(
             statuses[index.index()] = Status::Follows { after };
             continue;
         }
-        let known = |it: NodeIndex| outputs[it.index()].as_ref().expect("producers are known");
+        let known = |it: NodeIndex| {
+            Producer::Known(outputs[it.index()].as_ref().expect("producers are known"))
+        };
         let key = match key_of(instance, known, memory) {
             Ok(key) => key,
             Err(error) => {

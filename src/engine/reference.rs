@@ -75,6 +75,7 @@ fn ports_markdown(res: &mut String, title: &str, ports: &[Port]) {
         let arity = match port.arity {
             Arity::One => "",
             Arity::Optional => ", optional",
+            Arity::Many if port.labelled => ", labelled list",
             Arity::Many => ", list",
             Arity::OptionalMany => ", optional list",
         };

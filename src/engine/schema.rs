@@ -33,6 +33,10 @@ pub fn schema(library: &Library) -> Json {
             "pipeline": heading_schema(),
             "inputs": inputs_schema(&types),
             "params": table_of(json!({}), "Parameters: `--set name=value` overrides them."),
+            "axes": table_of(
+                axis_schema(),
+                "Lists of items along which nodes are repeated: data sets, sweeps, pairs.",
+            ),
             "profiles": table_of(json!({ "type": "object" }), "Parameters for `--profile NAME`."),
             "nodes": table_of(json!({ "oneOf": nodes.collect::<Vec<Json>>() }), "What is computed."),
             "outputs": table_of(
@@ -78,6 +82,59 @@ fn inputs_schema(types: &[&str]) -> Json {
     table_of(json!({ "anyOf": [ty, table] }), "What an inner pipeline takes, by type.")
 }
 
+/// The keys of an axis are those that `pipeline::axes` reads.
+fn axis_schema() -> Json {
+    let number = json!({ "anyOf": [{ "type": "number" }, { "$ref": "#/$defs/template" }] });
+    let patterns = json!({
+        "description": "The files that match a pattern, relative to this file: `${axis.path}`, \
+            `.name`, `.stem`.",
+        "anyOf": [{ "type": "string" }, { "type": "array", "items": { "type": "string" } }],
+    });
+    json!({
+        "type": "object",
+        "additionalProperties": false,
+        "properties": {
+            "values": {
+                "description": "Items: values, or tables with the same keys; a table of lists of \
+                    one length is taken item by item.",
+                "anyOf": [{ "type": "array" }, { "type": "object" }, { "$ref": "#/$defs/template" }],
+            },
+            "range": {
+                "description": "Numbers from one to another, both included.",
+                "type": "object",
+                "additionalProperties": false,
+                "required": ["from", "to"],
+                "properties": {
+                    "from": number,
+                    "to": number,
+                    "step": number,
+                    "n": { "type": "integer", "minimum": 1 },
+                    "log": { "type": "boolean", "description": "Equal ratios instead of steps." },
+                },
+            },
+            "files": patterns,
+            "table": { "type": "string", "description": "Rows of a .csv, .tsv or .toml file." },
+            "zip": { "type": "object", "description": "Axes of one length, item by item." },
+            "pairs": {
+                "type": "string",
+                "description": "The items of another axis, two by two: `${axis.source.stem}`, \
+                    `\"@node[shape=axis.target]\"`.",
+            },
+            "which": {
+                "enum": ["different", "unordered", "all"],
+                "description": "Which pairs: without those of an item with itself (the default), \
+                    one of each two, or all.",
+            },
+            "copy_of": { "type": "string", "description": "The items of another axis once more." },
+            "where": {
+                "type": "string",
+                "description": "Which items are kept: `index < 5 and not stem ~ 'test*'`.",
+            },
+            "label": { "type": "string", "description": "What items are called: `${stem}`." },
+        },
+    })
+}
+
 fn table_of(value: Json, description: &str) -> Json {
     json!({ "type": "object", "description": description, "additionalProperties": value })
 }
@@ -106,6 +163,12 @@ fn kind_schema(kind: &NodeKind, definitions: &mut Map<String, Json>) -> Json {
     let description = schema.get("description").cloned().unwrap_or_default();
     let mut properties = Map::new();
     properties.insert("kind".to_owned(), json!({ "const": spec.kind, "description": description }));
+    if spec.inputs.iter().any(|it| it.arity.takes_list()) {
+        properties.insert("over".to_owned(), over_schema());
+    }
+    if spec.inputs.iter().any(|it| it.labelled) {
+        properties.insert("missing".to_owned(), missing_schema());
+    }
     properties.extend(spec.inputs.iter().map(|it| (it.name.to_owned(), port_schema(it))));
     if let Some(Json::Object(params)) = schema.get_mut("properties").map(Json::take) {
         properties.extend(params.into_iter().map(|(name, it)| (name, or_template(it))));
@@ -122,6 +185,20 @@ fn kind_schema(kind: &NodeKind, definitions: &mut Map<String, Json>) -> Json {
         "additionalProperties": false,
         "required": required,
         "properties": properties,
+    })
+}
+
+fn over_schema() -> Json {
+    json!({
+        "description": "Axes whose items are gathered; \"*\" for all that the inputs have.",
+        "anyOf": [{ "type": "string" }, { "type": "array", "items": { "type": "string" } }],
+    })
+}
+
+fn missing_schema() -> Json {
+    json!({
+        "enum": ["fail", "show"],
+        "description": "Whether items that failed stop this node as well (the default), or are shown.",
     })
 }
 

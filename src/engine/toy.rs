@@ -13,8 +13,8 @@ use super::{
     artifact::{Artifact, ArtifactKind, ArtifactType, DecodeError, Decoder, Encoder, Format},
     library::Library,
     node::{
-        Input, InputFile, Inputs, Node, NodeError, NodeIo, NodeKind, OptionalInput, OptionalOutput,
-        Output, Spec,
+        Input, InputFile, Inputs, Labelled, LabelledInputs, Node, NodeError, NodeIo, NodeKind,
+        OptionalInput, OptionalOutput, Output, Spec,
     },
 };
 
@@ -26,9 +26,11 @@ pub static TOY: Library = Library {
         NodeKind::of::<DivideNode>(),
         NodeKind::of::<DriftNode>(),
         NodeKind::of::<FailNode>(),
+        NodeKind::of::<GatherNode>(),
         NodeKind::of::<NumberNode>(),
         NodeKind::of::<OptionalNode>(),
         NodeKind::of::<PanicNode>(),
+        NodeKind::of::<ReciprocalNode>(),
         NodeKind::of::<ScaleNode>(),
         NodeKind::of::<SleepNode>(),
         NodeKind::of::<TextFileNode>(),
@@ -63,6 +65,40 @@ impl Artifact for Number {
 
     fn export(&self, _extension: &str) -> Result<Vec<u8>, String> {
         Ok(format!("{}\n", self.0).into_bytes())
+    }
+}
+
+/// Writes down which numbers it gathers, and which are missing.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GatherNode {}
+
+impl GatherNode {
+    const NUMBERS: LabelledInputs<Number> = LabelledInputs::new("numbers", "what is gathered");
+    const TEXT: Output<Text> = Output::new("text", "`axis=item: number`, one a line");
+}
+
+impl Node for GatherNode {
+    const SPEC: Spec = Spec {
+        kind: "gather",
+        version: 1,
+        inputs: &[Self::NUMBERS.port()],
+        outputs: &[Self::TEXT.port()],
+        cites: &[],
+        example: "[axes.n]\nvalues = [1, 2]\n\n[nodes.one]\nkind = \"number\"\nvalue = \"${n}\"\n\n\
+                  [nodes.all]\nkind = \"gather\"\nnumbers = \"@one\"\nover = \"n\"\n",
+    };
+
+    fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
+        let mut text = String::new();
+        for Labelled { labels, value } in io.get_labelled(Self::NUMBERS) {
+            let labels: Vec<String> =
+                labels.iter().map(|(a, item)| format!("{a}={item}")).collect();
+            let value = value.map_or_else(|why| format!("missing, {why}"), |it| it.0.to_string());
+            text += &format!("{}: {value}\n", labels.join(" "));
+        }
+        io.put(Self::TEXT, Text(text));
+        Ok(())
     }
 }
 
@@ -308,6 +344,34 @@ impl Node for OptionalNode {
 
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
         io.put_optional(Self::NUMBER, self.value.map(Number), "it has no value");
+        Ok(())
+    }
+}
+
+/// Divides a thousand by a number; fails if that is zero.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct ReciprocalNode {}
+
+impl ReciprocalNode {
+    const OF: Input<Number> = Input::new("of", "what is divided by");
+}
+
+impl Node for ReciprocalNode {
+    const SPEC: Spec = Spec {
+        kind: "reciprocal",
+        version: 1,
+        inputs: &[Self::OF.port()],
+        outputs: &[NUMBER.port()],
+        cites: &[],
+        example: "[nodes.four]\nkind = \"number\"\nvalue = 4\n\n\
+                  [nodes.part]\nkind = \"reciprocal\"\nof = \"@four\"\n",
+    };
+
+    fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
+        let of = io.get(Self::OF).0;
+        let number = 1000_i64.checked_div(of).ok_or(NodeError::failed("division by zero"))?;
+        io.put(NUMBER, Number(number));
         Ok(())
     }
 }

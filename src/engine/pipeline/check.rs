@@ -1,34 +1,40 @@
 //! Holds every node against the declaration of its kind.
 
 use std::{
-    collections::{BTreeMap, HashMap},
+    collections::{BTreeMap, BTreeSet, HashMap},
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 use petgraph::graph::{DiGraph, NodeIndex};
 use serde_json::{Map, Value as Json};
 
 use super::{
+    axes::{self, Axis, Point},
     convert::{Converter, Name},
     cycles,
     diagnostic::{Diagnostic, Problems},
     expand::{Draft, Expansion},
     nearest::{nearest, suggest},
     outputs,
+    repeat::{self, Joined, Repeat},
     sources::Sources,
-    value::{Data, Entry, Value},
+    value::{AxisId, Data, Entry, Value},
     wires::{self, WireEnd},
 };
 use crate::engine::{
     artifact::ArtifactType,
-    graph::{Graph, Instance, Place, PortRef},
+    graph::{Graph, InputLabels, Inputs, Instance, Place, PortRef},
     library::Library,
     node::{AnyNode, NodeKind, Port},
     params::Fields,
 };
 
-/// By port: where its artifacts come from.
-pub type Wires = BTreeMap<&'static str, Vec<PortRef>>;
+/// By port: the wires of a draft.
+pub type Wires = BTreeMap<&'static str, Vec<WireEnd>>;
+
+/// More instances than any machine plans: two axes that were not meant to be multiplied.
+const MOST_INSTANCES: usize = 2_000_000;
 
 /// Checks everything; the graph if all nodes are sound.
 pub fn check(
@@ -42,12 +48,25 @@ pub fn check(
     let inner = (0..expansion.scopes.len()).filter(is_inner);
     inner.for_each(|it| checker.check_interface(it));
     let wires: Vec<Wires> = expansion.drafts.iter().map(|it| checker.check_wires(it)).collect();
-    cycles::report(&expansion.drafts, &wires, checker.problems);
-    let drafts = expansion.drafts.iter().zip(wires);
-    let instances: Vec<Option<Instance>> =
-        drafts.map(|(draft, wires)| checker.check_draft(draft, wires)).collect();
-    let outputs = outputs::check(expansion, library, problems);
-    let instances = instances.into_iter().collect::<Option<Vec<Instance>>>()?;
+    let order = cycles::order(&expansion.drafts, &wires, checker.problems);
+    // Without its items, nothing true can be said of what uses an axis.
+    let has_axes = expansion.axes.iter().all(|it| !it.items.is_empty());
+    let repeats = order.filter(|_| has_axes).and_then(|it| checker.repeat(&it, &wires));
+    let Some(repeats) = repeats else {
+        // Parameters can be checked all the same where they depend on no axis.
+        checker.check_constant_drafts();
+        return None;
+    };
+    let mut instances = Vec::new();
+    let mut sound = true;
+    for (draft, (wires, repeat)) in expansion.drafts.iter().zip(wires.iter().zip(&repeats)) {
+        sound &= checker.check_draft(draft, wires, repeat, &repeats, &mut instances);
+    }
+    let repeats: Vec<Repeat> = repeats.into_iter().map(|it| it.repeat).collect();
+    let outputs = outputs::check(expansion, &repeats, library, problems);
+    if !sound {
+        return None;
+    }
     let document = &expansion.scopes[0].document;
     let cites = expansion.scopes.iter().flat_map(|it| &it.document.cites);
     let mut unique_cites: Vec<String> = Vec::new();
@@ -84,6 +103,15 @@ fn connect(instances: Vec<Instance>) -> DiGraph<Instance, ()> {
     graph
 }
 
+/// How a draft is repeated, and where its wires lead.
+struct Repeated {
+    repeat: Repeat,
+    /// Axes that are gathered, ascending.
+    gathered: Vec<AxisId>,
+    /// By port, as [`Wires`].
+    joined: BTreeMap<&'static str, Vec<Joined>>,
+}
+
 struct Checker<'a> {
     expansion: &'a Expansion,
     library: &'a Library,
@@ -105,7 +133,7 @@ impl Checker<'_> {
                 && end.port.ty.name != ty.name
             {
                 let declared = (&input.name.place, "the input is declared here");
-                self.report_wire_type(&input.name.name, ty, end, wire, Some(declared));
+                self.report_wire_type(&input.name.name, ty, &end, wire, Some(declared));
             }
         }
         for output in &scope.document.outputs {
@@ -125,25 +153,171 @@ impl Checker<'_> {
         Some(found?.ty)
     }
 
-    fn check_draft(&mut self, draft: &Draft, inputs: Wires) -> Option<Instance> {
+    /// The axes of all drafts, `None` if one of them is wrong. `order`: producers first.
+    fn repeat(&mut self, order: &[usize], wires: &[Wires]) -> Option<Vec<Repeated>> {
+        let mut res: Vec<Option<Repeated>> = Vec::new();
+        res.resize_with(wires.len(), || None);
+        let mut sound = true;
+        for &index in order {
+            let repeated = self.repeat_draft(&self.expansion.drafts[index], &wires[index], &res);
+            sound &= repeated.is_some();
+            res[index] = repeated;
+        }
+        let mut res = res.into_iter().collect::<Option<Vec<Repeated>>>()?;
+        let mut first = 0;
+        for it in &mut res {
+            it.repeat.first = first;
+            first += it.repeat.count;
+        }
+        if first > MOST_INSTANCES {
+            let n_nodes = self.expansion.drafts.len();
+            let message = format!("axes multiply {n_nodes} nodes to {first} instances");
+            let hint = format!("at most {MOST_INSTANCES} can be planned");
+            self.problems.push(Diagnostic::without_place(message).hint(hint));
+            return None;
+        }
+        sound.then_some(res)
+    }
+
+    fn repeat_draft(
+        &mut self,
+        draft: &Draft,
+        wires: &Wires,
+        done: &[Option<Repeated>],
+    ) -> Option<Repeated> {
+        let axes = &self.expansion.axes;
+        let mut joined: BTreeMap<&'static str, Vec<Joined>> = BTreeMap::new();
+        let mut of_wires = BTreeSet::new();
+        for (&port, ends) in wires {
+            for end in ends {
+                let producer = &done[end.draft].as_ref()?.repeat;
+                let it = repeat::join(self.expansion, end, producer, self.problems)?;
+                of_wires.extend(it.axes.iter().copied());
+                joined.entry(port).or_default().push(it);
+            }
+        }
         let n_problems = self.problems.len();
-        let params = self.check_params(draft);
-        let node = self.parse(draft, params?)?;
-        let files = self.check_files(draft, node.as_ref());
-        (self.problems.len() == n_problems).then(|| Instance {
-            name: draft.name.clone(),
-            labels: draft.labels.clone(),
-            kind: draft.kind,
-            node,
-            inputs,
-            files,
-            place: draft.place.clone(),
-            field_places: draft
+        let gathered = repeat::gathered(draft, &of_wires, axes, self.problems);
+        let own = repeat::own_axes(draft);
+        for axis in own.intersection(&gathered) {
+            let name = &axes[axis.0].name;
+            let node = draft.local_name();
+            let message = format!("`{node}` gathers the items of `{name}` and cannot name one");
+            self.problems.push(Diagnostic::error(&draft.place, message));
+        }
+        for port in draft.kind.spec.inputs.iter().filter(|it| !it.arity.takes_list()) {
+            let wires = joined.get(port.name).into_iter().flatten();
+            if let Some(axis) = wires.flat_map(|it| &it.axes).find(|it| gathered.contains(it)) {
+                let name = &axes[axis.0].name;
+                let message = format!("`{}` takes one wire, not all items of `{name}`", port.name);
+                let place = draft.fields.iter().find(|it| *it.key.name == *port.name);
+                let place = place.map_or(&draft.place, |it| &it.value.place);
+                self.problems.push(Diagnostic::error(place, message));
+            }
+        }
+        if self.problems.len() > n_problems {
+            return None;
+        }
+        let all = own.union(&of_wires).copied().filter(|it| !gathered.contains(it));
+        let all: Vec<AxisId> = all.collect();
+        let sizes = all.iter().map(|it| axes[it.0].items.len());
+        let count = sizes.fold(1, usize::saturating_mul);
+        let repeat = Repeat { axes: all, first: 0, count };
+        Some(Repeated { repeat, gathered: gathered.into_iter().collect(), joined })
+    }
+
+    /// Checks the parameters of drafts although the graph cannot be made.
+    fn check_constant_drafts(&mut self) {
+        for draft in &self.expansion.drafts {
+            if draft.fields.iter().all(|it| it.value.is_constant()) {
+                self.check_node(draft, &draft.fields);
+            }
+        }
+    }
+
+    /// Adds the instances of a draft; false if one of them is wrong.
+    fn check_draft(
+        &mut self,
+        draft: &Draft,
+        wires: &Wires,
+        repeated: &Repeated,
+        all: &[Repeated],
+        instances: &mut Vec<Instance>,
+    ) -> bool {
+        let axes = &self.expansion.axes;
+        let field_places: Arc<BTreeMap<String, Place>> = Arc::new(
+            draft
                 .fields
                 .iter()
                 .map(|it| (it.key.name.to_string(), it.value.place.clone()))
                 .collect(),
-        })
+        );
+        let is_constant = draft.fields.iter().all(|it| it.value.is_constant());
+        let shared = if is_constant {
+            match self.check_node(draft, &draft.fields) {
+                Some(node) => Some(node),
+                None => return false,
+            }
+        } else {
+            None
+        };
+        let n_problems = self.problems.len();
+        for point in repeated.repeat.points(axes) {
+            let node = match &shared {
+                Some(node) => Some(node.clone()),
+                None => self.check_item(draft, &point),
+            };
+            // The same mistake at thousands of items is told a few times.
+            if self.problems.len() > n_problems + 5 {
+                return false;
+            }
+            let Some((node, files)) = node else { continue };
+            let (inputs, input_labels) = inputs(draft, wires, repeated, all, axes, &point);
+            instances.push(Instance {
+                name: draft.name.clone(),
+                labels: repeated.repeat.labels(axes, &point),
+                kind: draft.kind,
+                node,
+                inputs,
+                input_labels,
+                shows_missing: draft.gather.shows_missing,
+                files,
+                place: draft.place.clone(),
+                field_places: Arc::clone(&field_places),
+            });
+        }
+        self.problems.len() == n_problems
+    }
+
+    /// The node at one item of its axes.
+    fn check_item(
+        &mut self,
+        draft: &Draft,
+        point: &Point,
+    ) -> Option<(Arc<dyn AnyNode>, BTreeMap<PathBuf, PathBuf>)> {
+        let axes = &self.expansion.axes;
+        let fields: Vec<Entry> = draft
+            .fields
+            .iter()
+            .map(|Entry { key, value }| Entry {
+                key: key.clone(),
+                value: axes::fill(value, axes, point),
+            })
+            .collect();
+        self.check_node(draft, &fields)
+    }
+
+    /// The node with its files, from parameters in which everything is filled in.
+    fn check_node(
+        &mut self,
+        draft: &Draft,
+        fields: &[Entry],
+    ) -> Option<(Arc<dyn AnyNode>, BTreeMap<PathBuf, PathBuf>)> {
+        let n_problems = self.problems.len();
+        let params = self.check_params(draft, fields);
+        let node = self.parse(draft, fields, params?)?;
+        let files = self.check_files(draft, fields, node.as_ref());
+        (self.problems.len() == n_problems).then(|| (Arc::from(node), files))
     }
 
     fn check_wires(&mut self, draft: &Draft) -> Wires {
@@ -162,7 +336,7 @@ impl Checker<'_> {
         res
     }
 
-    fn check_port(&mut self, draft: &Draft, port: &Port, value: &Value) -> Vec<PortRef> {
+    fn check_port(&mut self, draft: &Draft, port: &Port, value: &Value) -> Vec<WireEnd> {
         let wires = match &value.data {
             Data::List(_) if !port.arity.takes_list() => {
                 let message = format!("`{}` takes one wire, not a list", port.name);
@@ -175,13 +349,13 @@ impl Checker<'_> {
         wires.iter().filter_map(|wire| self.check_wire(draft, port, wire)).collect()
     }
 
-    fn check_wire(&mut self, draft: &Draft, port: &Port, wire: &Value) -> Option<PortRef> {
+    fn check_wire(&mut self, draft: &Draft, port: &Port, wire: &Value) -> Option<WireEnd> {
         let end = wires::follow(self.expansion, draft.scope, wire, self.problems)?;
         if end.port.ty.name != port.ty.name {
-            self.report_wire_type(port.name, port.ty, end, wire, None);
+            self.report_wire_type(port.name, port.ty, &end, wire, None);
             return None;
         }
-        Some(PortRef { instance: NodeIndex::new(end.draft), port: end.port.name })
+        Some(end)
     }
 
     fn report_missing_wire(&mut self, draft: &Draft, port: &Port) {
@@ -200,7 +374,7 @@ impl Checker<'_> {
         &mut self,
         input: &str,
         wanted: ArtifactType,
-        end: WireEnd,
+        end: &WireEnd,
         wire: &Value,
         declared: Option<(&Place, &str)>,
     ) {
@@ -218,7 +392,7 @@ impl Checker<'_> {
     }
 
     /// The kind that makes the wanted type from what the wire carries, with fewest other inputs.
-    fn converting_kind(&self, end: WireEnd, wanted: ArtifactType) -> Option<String> {
+    fn converting_kind(&self, end: &WireEnd, wanted: ArtifactType) -> Option<String> {
         let has = |ports: &[Port], ty: ArtifactType| ports.iter().any(|it| it.ty.name == ty.name);
         let kinds = self.library.kinds.iter().map(|it| &it.spec);
         let kind = kinds
@@ -229,12 +403,12 @@ impl Checker<'_> {
     }
 
     /// The parameters as data, `None` if one of them is wrong.
-    fn check_params(&mut self, draft: &Draft) -> Option<Json> {
+    fn check_params(&mut self, draft: &Draft, given: &[Entry]) -> Option<Json> {
         let kind = draft.kind;
         let fields = fields_of(&mut self.fields, kind);
         let mut converter = Converter { sources: self.sources, problems: &mut *self.problems };
         let mut res = Some(Map::new());
-        for Entry { key, value } in &draft.fields {
+        for Entry { key, value } in given {
             if kind.spec.inputs.iter().any(|it| *it.name == *key.name) {
                 continue;
             }
@@ -261,28 +435,35 @@ impl Checker<'_> {
         res.map(Json::Object)
     }
 
-    fn parse(&mut self, draft: &Draft, params: Json) -> Option<Box<dyn AnyNode>> {
+    fn parse(&mut self, draft: &Draft, fields: &[Entry], params: Json) -> Option<Box<dyn AnyNode>> {
         let checked = (draft.kind.parse)(params)
             .map_err(|e| e.to_string())
             .and_then(|node| node.validate().map(|()| node));
         checked
             .map_err(|message| {
                 // A message that starts with a field's name is shown at that field.
-                let field = message.strip_prefix('`').and_then(|it| it.split('`').next());
-                let place = field
-                    .and_then(|name| draft.fields.iter().find(|it| *it.key.name == *name))
-                    .map_or(&draft.place, |it| &it.value.place);
-                self.problems.push(Diagnostic::error(place, message));
+                let name = message.strip_prefix('`').and_then(|it| it.split('`').next());
+                let field = name.and_then(|name| fields.iter().find(|it| *it.key.name == *name));
+                let origin = field.and_then(|it| it.value.origin.as_ref());
+                let place = field.map_or(&draft.place, |it| &it.value.place);
+                self.problems.push(
+                    Diagnostic::error(place, message).related(origin, "the value is written here"),
+                );
             })
             .ok()
     }
 
     /// The files of a node and the files that these refer to; all of them must be there.
-    fn check_files(&mut self, draft: &Draft, node: &dyn AnyNode) -> BTreeMap<PathBuf, PathBuf> {
+    fn check_files(
+        &mut self,
+        draft: &Draft,
+        fields: &[Entry],
+        node: &dyn AnyNode,
+    ) -> BTreeMap<PathBuf, PathBuf> {
         let mut res = BTreeMap::new();
         for (field, file) in node.files() {
             let path = &file.0;
-            let value = draft.fields.iter().find(|it| *it.key.name == *field).map(|it| &it.value);
+            let value = fields.iter().find(|it| *it.key.name == *field).map(|it| &it.value);
             if !self.check_file(draft, value, path) {
                 continue;
             }
@@ -315,6 +496,41 @@ impl Checker<'_> {
         );
         false
     }
+}
+
+/// Where the wires of an instance lead, and what the items are called that labelled ports gather.
+fn inputs(
+    draft: &Draft,
+    wires: &Wires,
+    repeated: &Repeated,
+    all: &[Repeated],
+    axes: &[Axis],
+    point: &Point,
+) -> (Inputs, InputLabels) {
+    let (mut inputs, mut labels) = (Inputs::new(), InputLabels::new());
+    for (&name, ends) in wires {
+        let port = draft.kind.spec.inputs.iter().find(|it| it.name == name);
+        let is_labelled = port.is_some_and(|it| it.labelled);
+        let (mut refs, mut port_labels) = (Vec::new(), Vec::new());
+        for (end, joined) in ends.iter().zip(&repeated.joined[name]) {
+            let producer = &all[end.draft].repeat;
+            let over: Vec<AxisId> =
+                joined.axes.iter().copied().filter(|it| repeated.gathered.contains(it)).collect();
+            for gathered in repeat::points(&over, axes) {
+                let whole: Vec<(AxisId, usize)> = point.iter().chain(&gathered).copied().collect();
+                let instance = producer.instance(&joined.picks, axes, &whole);
+                refs.push(PortRef { instance: NodeIndex::new(instance), port: end.port.name });
+                if is_labelled {
+                    port_labels.push(repeated.repeat.labels(axes, &gathered));
+                }
+            }
+        }
+        inputs.insert(name, refs);
+        if is_labelled {
+            labels.insert(name, port_labels);
+        }
+    }
+    (inputs, labels)
 }
 
 fn fields_of<'a>(

@@ -182,6 +182,7 @@ impl Converter<'_> {
     /// What no schema describes is left to the kind.
     fn anything(&mut self, value: &Value) -> Option<Json> {
         match &value.data {
+            Data::Template(_) => unreachable!("items are filled in before values are converted"),
             Data::Broken => None,
             Data::Text(text) => Some((**text).into()),
             Data::Integer(it) => Some((*it).into()),

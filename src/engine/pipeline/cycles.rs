@@ -14,16 +14,28 @@ enum State {
     Done,
 }
 
-/// Reports every cycle that a walk against the wires closes, with its whole path.
-pub fn report(drafts: &[Draft], wires: &[Wires], problems: &mut Problems) {
+/// All drafts, producers before their readers; or `None`, with every cycle reported that a walk against
+/// the wires closes, each with its whole path.
+pub fn order(drafts: &[Draft], wires: &[Wires], problems: &mut Problems) -> Option<Vec<usize>> {
     let mut states = vec![State::New; drafts.len()];
+    let mut order = Vec::with_capacity(drafts.len());
+    let n_problems = problems.len();
     for start in 0..drafts.len() {
-        walk(start, wires, &mut states, &mut |cycle| problems.push(describe(cycle, drafts)));
+        walk(start, wires, &mut states, &mut order, &mut |cycle| {
+            problems.push(describe(cycle, drafts));
+        });
     }
+    (problems.len() == n_problems).then_some(order)
 }
 
 /// Follows wires from `start` to their sources. Keeps its own stack, as chains can be long.
-fn walk(start: usize, wires: &[Wires], states: &mut [State], on_cycle: &mut dyn FnMut(&[usize])) {
+fn walk(
+    start: usize,
+    wires: &[Wires],
+    states: &mut [State],
+    done: &mut Vec<usize>,
+    on_cycle: &mut dyn FnMut(&[usize]),
+) {
     if states[start] != State::New {
         return;
     }
@@ -32,6 +44,7 @@ fn walk(start: usize, wires: &[Wires], states: &mut [State], on_cycle: &mut dyn 
     while let Some((node, open)) = path.last_mut() {
         let Some(source) = open.pop() else {
             states[*node] = State::Done;
+            done.push(*node);
             path.pop();
             continue;
         };
@@ -52,7 +65,7 @@ fn walk(start: usize, wires: &[Wires], states: &mut [State], on_cycle: &mut dyn 
 
 /// What a node reads, last wire first, so that the first is popped first.
 fn sources(wires: &Wires) -> Vec<usize> {
-    let mut res: Vec<usize> = wires.values().flatten().map(|it| it.instance.index()).collect();
+    let mut res: Vec<usize> = wires.values().flatten().map(|it| it.draft).collect();
     res.reverse();
     res.dedup();
     res

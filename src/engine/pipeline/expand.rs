@@ -7,12 +7,14 @@
 use std::{collections::HashMap, path::PathBuf, rc::Rc, sync::Arc};
 
 use super::{
+    axes::{self, Axis, Choice, Reading},
     diagnostic::{Diagnostic, Problems},
+    gather::{self, Gather},
     nearest::{nearest, suggest},
     parse::{self, Document, NodeTable},
     sources::Sources,
-    substitute::{self, Params},
-    value::{Entry, Key, Value},
+    substitute::{self, Names, Params},
+    value::{AxisId, Data, Entry, Key, Piece, Value},
 };
 use crate::engine::{graph::Place, library::Library, node::NodeKind};
 
@@ -24,20 +26,21 @@ pub struct Expansion {
     pub drafts: Vec<Draft>,
     /// The first is the file that was asked for.
     pub scopes: Vec<Scope>,
+    /// The axes of all scopes, by [`AxisId`].
+    pub axes: Vec<Axis>,
 }
 
-/// A node before it is checked.
+/// A node before it is checked and repeated along its axes.
 pub struct Draft {
     /// With the names of the pipelines around it.
-    pub name: String,
-    /// (axis, item) pairs.
-    pub labels: Vec<(String, String)>,
+    pub name: Arc<str>,
     pub kind: &'static NodeKind,
     /// Where its wires are looked up.
     pub scope: usize,
     pub place: Place,
-    /// Parameters and wires, with `${}` filled in.
+    /// Parameters and wires, with `${}` filled in where it names no axis.
     pub fields: Vec<Entry>,
+    pub gather: Gather,
 }
 
 impl Draft {
@@ -50,7 +53,8 @@ impl Draft {
 /// A file at one of its uses.
 pub struct Scope {
     pub document: Rc<Document>,
-    pub params: Params,
+    /// What `${name}` means here.
+    pub names: Names,
     /// By name: what `@name` means here.
     pub targets: HashMap<Arc<str>, Target>,
     /// The scope that uses this one.
@@ -78,19 +82,23 @@ impl Expansion {
         document: Document,
         library: &Library,
         sources: &mut Sources,
+        choices: &mut [Choice],
         problems: &mut Problems,
     ) -> Self {
         let mut expander = Expander {
             library,
             sources,
+            choices,
             problems,
             documents: HashMap::new(),
             open: vec![0],
-            res: Self { drafts: Vec::new(), scopes: Vec::new() },
+            res: Self { drafts: Vec::new(), scopes: Vec::new(), axes: Vec::new() },
         };
         let document = Rc::new(document);
         expander.expand(Use { document, prefix: "", parent: None, given: Given::default() });
-        expander.res
+        let Expander { res, choices, problems, .. } = expander;
+        axes::report_unknown_axes(choices, &res.axes, problems);
+        res
     }
 }
 
@@ -113,6 +121,7 @@ struct Given {
 struct Expander<'a> {
     library: &'a Library,
     sources: &'a mut Sources,
+    choices: &'a mut [Choice],
     problems: &'a mut Problems,
     /// Files read so far, by source; `None` if one cannot be parsed.
     documents: HashMap<usize, Option<Rc<Document>>>,
@@ -125,13 +134,13 @@ impl Expander<'_> {
     /// Adds the scope of a file and all nodes in it.
     fn expand(&mut self, use_: Use<'_>) -> usize {
         let Use { document, prefix, parent, given } = use_;
-        let params = substitute::resolve_params(&document.params, given.params, self.problems);
+        let names = self.names(&document, given.params);
         let inputs = document.inputs.iter().map(|it| (Arc::clone(&it.name.name), Target::Input));
         let scope = self.res.scopes.len();
         self.res.scopes.push(Scope {
             targets: inputs.collect(),
             document: Rc::clone(&document),
-            params,
+            names,
             parent,
             given: given.wires,
         });
@@ -147,6 +156,27 @@ impl Expander<'_> {
         scope
     }
 
+    /// Reads the axes of a file and resolves its parameters, which may depend on their items.
+    fn names(&mut self, document: &Document, given: Params) -> Names {
+        let first = self.res.axes.len();
+        let tables = document.axes.iter().enumerate();
+        let axes = tables.map(|(i, it)| (Arc::clone(&it.name.name), AxisId(first + i))).collect();
+        let names = Names { params: given, axes };
+        let names = substitute::resolve_params(&document.params, names, self.problems);
+        for table in &document.axes {
+            let mut reading = Reading {
+                names: &names,
+                axes: &names.axes,
+                sources: self.sources,
+                problems: self.problems,
+                choices: self.choices,
+            };
+            let axis = axes::read(table, &self.res.axes, &mut reading);
+            self.res.axes.push(axis);
+        }
+        names
+    }
+
     fn expand_node(&mut self, node: &NodeTable, scope: usize, prefix: &str) -> Target {
         let fields = self.filled_in(&node.fields, scope);
         match node.kind.as_text() {
@@ -159,33 +189,36 @@ impl Expander<'_> {
         }
     }
 
-    /// The fields of a node with every `${}` replaced.
+    /// The fields of a node with every `${}` replaced that names no axis.
     fn filled_in(&mut self, fields: &[Entry], scope: usize) -> Vec<Entry> {
-        let params = &self.res.scopes[scope].params;
-        let fill = |it: &Entry| Entry {
-            key: it.key.clone(),
-            value: substitute::substitute(&it.value, params, self.problems),
-        };
-        fields.iter().map(fill).collect()
+        let names = &self.res.scopes[scope].names;
+        let mut res = Vec::with_capacity(fields.len());
+        for Entry { key, value } in fields {
+            let mut value = substitute::substitute(value, names, self.problems);
+            if !check_axis_fields(&value, &self.res.axes, self.problems) {
+                value = value.broken();
+            }
+            res.push(Entry { key: key.clone(), value });
+        }
+        res
     }
 
-    /// Adds a plain node. A node with axes will add a draft for each of their items here, labelled
-    /// by it; until then every node is one draft without labels.
     fn add_draft(
         &mut self,
         node: &NodeTable,
         kind: &'static NodeKind,
-        fields: Vec<Entry>,
+        mut fields: Vec<Entry>,
         scope: usize,
         prefix: &str,
     ) -> Target {
+        let gather = gather::take(&mut fields, kind, self.problems);
         self.res.drafts.push(Draft {
-            name: format!("{prefix}{}", node.name.name),
-            labels: Vec::new(),
+            name: format!("{prefix}{}", node.name.name).into(),
             kind,
             scope,
             place: node.name.place.clone(),
             fields,
+            gather,
         });
         Target::Node(self.res.drafts.len() - 1)
     }
@@ -225,6 +258,11 @@ impl Expander<'_> {
 
     /// The inner file that a `file` names.
     fn document(&mut self, file: &Value) -> Option<(usize, Rc<Document>)> {
+        if !file.is_constant() {
+            let message = "the file of an inner pipeline cannot depend on an axis";
+            self.problems.push(Diagnostic::error(&file.place, message));
+            return None;
+        }
         let path: PathBuf = {
             let text = parse::text(file, "`file`", self.problems)?;
             self.sources.resolve(file.base, text)
@@ -296,6 +334,50 @@ impl Expander<'_> {
         let hint = suggest(&key.name, keys_of(document));
         self.problems.push(Diagnostic::error(&key.place, message).hint(hint));
     }
+}
+
+/// Reports fields of axes that their items do not have, or that cannot stand inside of a text.
+pub fn check_axis_fields(value: &Value, axes: &[Axis], problems: &mut Problems) -> bool {
+    match &value.data {
+        Data::List(items) => {
+            let checks = items.iter().map(|it| check_axis_fields(it, axes, problems));
+            return checks.fold(true, |all, it| all & it);
+        }
+        Data::Table(entries) => {
+            let checks = entries.iter().map(|it| check_axis_fields(&it.value, axes, problems));
+            return checks.fold(true, |all, it| all & it);
+        }
+        _ => {}
+    }
+    let Data::Template(pieces) = &value.data else { return true };
+    for piece in pieces.iter() {
+        let Piece::Field(field) = piece else { continue };
+        let axis = &axes[field.axis.0];
+        if axis.items.is_empty() {
+            // What is wrong with it has been reported.
+            return false;
+        }
+        let Some(index) = axis.field(&field.field) else {
+            let message = format!("the items of axis `{}` have no `{}`", axis.name, field.field);
+            let hint = suggest(&field.field, axis.named_fields());
+            problems.push(
+                Diagnostic::error(&value.place, message)
+                    .related(Some(&axis.place), "the axis is declared here")
+                    .hint(hint),
+            );
+            return false;
+        };
+        let is_listed = |it: &axes::Item| it.values[index].written_out().is_none();
+        if pieces.len() > 1
+            && let Some(item) = axis.items.iter().find(|it| is_listed(it))
+        {
+            let (written, what) = (&field.written, item.values[index].describe());
+            let message = format!("`${{{written}}}` is {what} and cannot stand inside of a text");
+            problems.push(Diagnostic::error(&value.place, message));
+            return false;
+        }
+    }
+    true
 }
 
 /// What a node can say to an inner pipeline.

@@ -10,15 +10,18 @@
 //! 5. [`check`] holds every node against its kind: parameters ([`convert`]), wires, files;
 //! 6. [`outputs`] and [`cycles`] look at the whole.
 
+mod axes;
 mod check;
 mod convert;
 mod cycles;
 pub mod diagnostic;
 mod expand;
+mod gather;
 mod nearest;
 mod outputs;
 mod overrides;
 mod parse;
+mod repeat;
 mod sources;
 mod substitute;
 mod value;
@@ -39,6 +42,10 @@ pub struct Settings {
     pub profile: Option<String>,
     /// `parameter=value` or `node.parameter=value`: values as in TOML, and what is none is a text.
     pub set: Vec<String>,
+    /// `axis=item,item`: only these items; labels or patterns of `*` and `?`.
+    pub only: Vec<String>,
+    /// `axis=n`: only the first items.
+    pub limit: Vec<String>,
 }
 
 /// Reads, expands and checks a pipeline file.
@@ -98,7 +105,10 @@ fn load_first(
             report_inputs(&document, &mut problems);
         }
         overrides::apply(&mut document, settings, &mut sources, &mut problems);
-        let expansion = Expansion::new(document, library, &mut sources, &mut problems);
+        let Settings { only, limit, .. } = settings;
+        let mut choices = axes::read_choices(only, limit, &mut sources, &mut problems);
+        let expansion =
+            Expansion::new(document, library, &mut sources, &mut choices, &mut problems);
         check::check(&expansion, library, &sources, &mut problems)
     });
     match graph {

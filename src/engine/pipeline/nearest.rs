@@ -13,14 +13,17 @@ pub fn suggest<'a>(wrong: &str, names: impl IntoIterator<Item = &'a str>) -> Opt
     }
 }
 
-/// The name that differs least, if it differs by a third of its letters at most.
+/// The name that differs least, if it differs by a third of its letters at most (and has one in common).
 pub fn nearest<'a>(wrong: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let wrong = wrong.to_lowercase();
     let mut best: Option<(usize, &str)> = None;
     for name in names {
         let letters = name.chars().count().max(wrong.chars().count());
         let distance = strsim::damerau_levenshtein(&wrong, &name.to_lowercase());
-        if distance <= letters.div_ceil(3) && best.is_none_or(|it| distance < it.0) {
+        if distance <= letters.div_ceil(3)
+            && distance < letters
+            && best.is_none_or(|it| distance < it.0)
+        {
             best = Some((distance, name));
         }
     }

@@ -120,6 +120,17 @@ fn apply_set(document: &mut Document, set: Set<'_>, problems: &mut Problems) {
                 problems.push(Diagnostic::error(&set.place, message).hint(hint));
             }
         },
+        ["axes", axis, ref keys @ ..] => {
+            match document.axes.iter_mut().find(|it| *it.name.name == *axis) {
+                Some(axis) => insert(&mut axis.fields, keys, &set),
+                None => {
+                    let names = document.axes.iter().map(|it| &*it.name.name);
+                    let message = format!("there is no axis `{axis}`");
+                    let hint = suggest(axis, names);
+                    problems.push(Diagnostic::error(&set.place, message).hint(hint));
+                }
+            }
+        }
         [node, ref keys @ ..] => {
             match document.nodes.iter_mut().find(|it| *it.name.name == *node) {
                 Some(node) => set_field(node, keys, &set),

@@ -18,6 +18,7 @@ pub struct Document {
     pub cites: Vec<String>,
     pub inputs: Vec<InputPort>,
     pub params: Vec<Entry>,
+    pub axes: Vec<AxisTable>,
     pub profiles: Vec<Profile>,
     pub nodes: Vec<NodeTable>,
     /// From paths (or names of ports, in an inner pipeline) to wires.
@@ -37,6 +38,13 @@ pub struct InputPort {
 pub struct Profile {
     pub name: Key,
     pub params: Vec<Entry>,
+}
+
+/// `[axes.NAME]`.
+#[derive(Debug, Clone)]
+pub struct AxisTable {
+    pub name: Key,
+    pub fields: Vec<Entry>,
 }
 
 /// `[nodes.NAME]`.
@@ -70,10 +78,7 @@ pub fn parse(source: usize, file: &Source, problems: &mut Problems) -> Option<Do
             "profiles" => res.profiles = read_profiles(value, problems),
             "nodes" => res.nodes = read_nodes(value, problems),
             "outputs" => res.outputs = table_entries(value, "`outputs`", problems),
-            "axes" => problems.push(
-                Diagnostic::error(&key.place, "axes are not supported yet")
-                    .hint("write a node for each item".to_owned()),
-            ),
+            "axes" => res.axes = read_axes(value, problems),
             name => problems.push(
                 Diagnostic::error(&key.place, format!("unknown section `{name}`"))
                     .hint(suggest(name, SECTIONS)),
@@ -223,6 +228,17 @@ fn read_params(value: Value, problems: &mut Problems) -> Vec<Entry> {
     params
 }
 
+fn read_axes(value: Value, problems: &mut Problems) -> Vec<AxisTable> {
+    let mut res = Vec::new();
+    for Entry { key: name, value } in table_entries(value, "`axes`", problems) {
+        if check_name(&name, problems) {
+            let fields = table_entries(value, &format!("axis `{}`", name.name), problems);
+            res.push(AxisTable { name, fields });
+        }
+    }
+    res
+}
+
 fn read_profiles(value: Value, problems: &mut Problems) -> Vec<Profile> {
     let mut res = Vec::new();
     for Entry { key: name, value } in table_entries(value, "`profiles`", problems) {
@@ -261,8 +277,13 @@ fn read_kind(kind: Value, problems: &mut Problems) -> Value {
     if text(&kind, "`kind`", problems).is_some() { kind } else { kind.broken() }
 }
 
-/// Nodes and inputs are both named by `@`.
+/// Nodes and inputs are both named by `@`, parameters and axes by `${}`.
 fn report_shared_names(document: &Document, problems: &mut Problems) {
+    let params: HashSet<&Arc<str>> = document.params.iter().map(|it| &it.key.name).collect();
+    for axis in document.axes.iter().filter(|it| params.contains(&it.name.name)) {
+        let message = format!("`{}` is a parameter as well as an axis", axis.name.name);
+        problems.push(Diagnostic::error(&axis.name.place, message));
+    }
     let inputs: HashSet<&Arc<str>> = document.inputs.iter().map(|it| &it.name.name).collect();
     for node in document.nodes.iter().filter(|it| inputs.contains(&it.name.name)) {
         let message = format!("`{}` is an input as well as a node", node.name.name);
@@ -271,7 +292,7 @@ fn report_shared_names(document: &Document, problems: &mut Problems) {
 }
 
 /// The entries of a table; reports that it is none.
-fn table_entries(value: Value, what: &str, problems: &mut Problems) -> Vec<Entry> {
+pub fn table_entries(value: Value, what: &str, problems: &mut Problems) -> Vec<Entry> {
     match &value.data {
         Data::Table(entries) => entries.to_vec(),
         Data::Broken => Vec::new(),

@@ -1,16 +1,40 @@
-//! `${name}`: alone it is the parameter itself, inside a longer text it is written out.
+//! `${name}`: alone it is the parameter itself, inside a longer text it is written out. `${axis}` and
+//! `${axis.field}` stay as they are until an item is chosen ([`Data::Template`]).
 
 use std::{collections::HashMap, sync::Arc};
 
 use super::{
     diagnostic::{Diagnostic, Problems},
     nearest::suggest,
-    value::{Data, Entry, Key, Value},
+    value::{AxisField, AxisId, Data, Entry, Key, Piece, Value},
 };
-use crate::engine::graph::Place;
 
-/// The parameters that the texts of a file can name.
+/// Parameters by name.
 pub type Params = HashMap<Arc<str>, Value>;
+
+/// What the texts of a file can name.
+#[derive(Debug, Clone, Default)]
+pub struct Names {
+    pub params: Params,
+    pub axes: HashMap<Arc<str>, AxisId>,
+}
+
+/// What `${}` stands for.
+enum Meaning<'a> {
+    Param(&'a Value),
+    Axis(AxisField),
+}
+
+impl Names {
+    fn find(&self, name: &str) -> Option<Meaning<'_>> {
+        if let Some(param) = self.params.get(name) {
+            return Some(Meaning::Param(param));
+        }
+        let (axis, field) = name.split_once('.').unwrap_or((name, ""));
+        let &axis = self.axes.get(axis)?;
+        Some(Meaning::Axis(AxisField { axis, written: name.into(), field: field.into() }))
+    }
+}
 
 /// A text cut into its parts.
 #[derive(Debug, PartialEq)]
@@ -20,20 +44,20 @@ enum Part<'a> {
 }
 
 /// Replaces every `${name}` in a value. What names nothing becomes broken, with a diagnostic.
-pub fn substitute(value: &Value, params: &Params, problems: &mut Problems) -> Value {
+pub fn substitute(value: &Value, names: &Names, problems: &mut Problems) -> Value {
     let data = match &value.data {
         Data::Text(text) if text.contains("${") => {
-            return substitute_text(text, value, params, problems);
+            return substitute_text(text, value, names, problems);
         }
         Data::List(items) if items.iter().any(has_names) => {
-            Data::List(items.iter().map(|it| substitute(it, params, problems)).collect())
+            Data::List(items.iter().map(|it| substitute(it, names, problems)).collect())
         }
         Data::Table(entries) if entries.iter().any(|it| has_names(&it.value)) => Data::Table(
             entries
                 .iter()
                 .map(|Entry { key, value }| Entry {
                     key: key.clone(),
-                    value: substitute(value, params, problems),
+                    value: substitute(value, names, problems),
                 })
                 .collect(),
         ),
@@ -43,20 +67,15 @@ pub fn substitute(value: &Value, params: &Params, problems: &mut Problems) -> Va
 }
 
 /// Replaces every `${name}` in a key, such as the path of an output.
-pub fn substitute_key(key: &Key, params: &Params, problems: &mut Problems) -> Option<Arc<str>> {
+pub fn substitute_key(key: &Key, names: &Names, problems: &mut Problems) -> Value {
     let value = Value::new(Data::Text(Arc::clone(&key.name)), key.place.clone());
-    let value = substitute(&value, params, problems);
-    match &value.data {
-        Data::Broken => None,
-        Data::Text(text) => Some(Arc::clone(text)),
-        _ => written_out(&value).map(Arc::from),
-    }
+    substitute(&value, names, problems)
 }
 
 /// The parameters of a file after every `${}` among them has been replaced.
 ///
 /// Values in `given` come from outside and are taken as they are.
-pub fn resolve_params(declared: &[Entry], given: Params, problems: &mut Problems) -> Params {
+pub fn resolve_params(declared: &[Entry], given: Names, problems: &mut Problems) -> Names {
     let declared: HashMap<&str, &Value> =
         declared.iter().map(|it| (&*it.key.name, &it.value)).collect();
     let mut resolver = Resolver { declared, resolved: given, open: Vec::new(), problems };
@@ -70,7 +89,7 @@ pub fn resolve_params(declared: &[Entry], given: Params, problems: &mut Problems
 
 struct Resolver<'a, 'p> {
     declared: HashMap<&'a str, &'a Value>,
-    resolved: Params,
+    resolved: Names,
     /// The parameters whose resolution waits for the one at hand.
     open: Vec<&'a str>,
     problems: &'p mut Problems,
@@ -78,13 +97,13 @@ struct Resolver<'a, 'p> {
 
 impl<'a> Resolver<'a, '_> {
     fn resolve(&mut self, name: &'a str) {
-        if self.resolved.contains_key(name) {
+        if self.resolved.params.contains_key(name) {
             return;
         }
         let value = self.declared[name];
         if let Some(start) = self.open.iter().position(|&it| it == name) {
             self.report_cycle(start);
-            self.resolved.insert(name.into(), value.broken());
+            self.resolved.params.insert(name.into(), value.broken());
             return;
         }
         self.open.push(name);
@@ -94,9 +113,9 @@ impl<'a> Resolver<'a, '_> {
             }
         }
         self.open.pop();
-        if !self.resolved.contains_key(name) {
+        if !self.resolved.params.contains_key(name) {
             let value = substitute(value, &self.resolved, self.problems);
-            self.resolved.insert(name.into(), value);
+            self.resolved.params.insert(name.into(), value);
         }
     }
 
@@ -109,7 +128,7 @@ impl<'a> Resolver<'a, '_> {
     }
 }
 
-fn substitute_text(text: &str, value: &Value, params: &Params, problems: &mut Problems) -> Value {
+fn substitute_text(text: &str, value: &Value, names: &Names, problems: &mut Problems) -> Value {
     let parts = match split(text) {
         Ok(parts) => parts,
         Err(message) => {
@@ -120,46 +139,82 @@ fn substitute_text(text: &str, value: &Value, params: &Params, problems: &mut Pr
             return value.broken();
         }
     };
-    if let [Part::Name(name)] = parts[..] {
-        return match params.get(name) {
-            Some(param) => moved(param, &value.place),
-            None => unknown(name, value, params, problems),
-        };
+    if let [Part::Name(name)] = parts[..]
+        && let Some(Meaning::Param(param)) = names.find(name)
+    {
+        return param.moved(&value.place);
     }
-    let mut res = String::new();
+    let mut pieces = Pieces::default();
     let mut base = value.base;
     for (index, part) in parts.iter().enumerate() {
         match part {
-            Part::Plain(plain) => res.push_str(plain),
-            Part::Name(name) => {
-                let Some(param) = params.get(*name) else {
-                    return unknown(name, value, params, problems);
-                };
-                let Some(text) = written_out(param) else {
-                    return not_text(name, param, value, problems);
-                };
-                res.push_str(&text);
-                // A relative path starts where its first part was written.
-                if index == 0 {
-                    base = param.base;
+            Part::Plain(plain) => pieces.push_text(plain),
+            Part::Name(name) => match names.find(name) {
+                None => return unknown(name, value, names, problems),
+                Some(Meaning::Axis(field)) => pieces.push_field(field),
+                Some(Meaning::Param(param)) => {
+                    match (&param.data, param.written_out()) {
+                        (Data::Template(inner), _) => pieces.extend(inner),
+                        (_, Some(text)) => pieces.push_text(&text),
+                        (_, None) => return not_text(name, param, value, problems),
+                    }
+                    // A relative path starts where its first part was written.
+                    if index == 0 {
+                        base = param.base;
+                    }
                 }
+            },
+        }
+    }
+    Value { data: pieces.finish(), place: value.place.clone(), origin: None, base }
+}
+
+/// A text under construction; neighbouring plain parts are joined.
+#[derive(Default)]
+struct Pieces {
+    done: Vec<Piece>,
+    text: String,
+}
+
+impl Pieces {
+    fn push_text(&mut self, text: &str) {
+        self.text.push_str(text);
+    }
+
+    fn push_field(&mut self, field: AxisField) {
+        if !self.text.is_empty() {
+            self.done.push(Piece::Text(std::mem::take(&mut self.text).into()));
+        }
+        self.done.push(Piece::Field(field));
+    }
+
+    fn extend(&mut self, pieces: &[Piece]) {
+        for piece in pieces {
+            match piece {
+                Piece::Text(text) => self.push_text(text),
+                Piece::Field(field) => self.push_field(field.clone()),
             }
         }
     }
-    Value { data: Data::Text(res.into()), place: value.place.clone(), origin: None, base }
+
+    fn finish(mut self) -> Data {
+        if self.done.is_empty() {
+            return Data::Text(self.text.into());
+        }
+        if !self.text.is_empty() {
+            self.done.push(Piece::Text(self.text.into()));
+        }
+        Data::Template(self.done.into())
+    }
 }
 
-/// The parameter at the place where it is used.
-fn moved(param: &Value, place: &Place) -> Value {
-    let origin = param.origin.clone().unwrap_or_else(|| param.place.clone());
-    Value { data: param.data.clone(), place: place.clone(), origin: Some(origin), base: param.base }
-}
-
-fn unknown(name: &str, value: &Value, params: &Params, problems: &mut Problems) -> Value {
-    let mut names: Vec<&str> = params.keys().map(|it| &**it).collect();
-    names.sort_unstable();
+fn unknown(name: &str, value: &Value, names: &Names, problems: &mut Problems) -> Value {
+    let mut known: Vec<&str> =
+        names.params.keys().chain(names.axes.keys()).map(|it| &**it).collect();
+    known.sort_unstable();
+    let first = name.split('.').next().unwrap_or_default();
     let hint =
-        suggest(name, names).unwrap_or_else(|| "parameters are declared in `[params]`".to_owned());
+        suggest(first, known).unwrap_or_else(|| "parameters are declared in `[params]`".to_owned());
     problems.push(
         Diagnostic::error(&value.place, format!("there is no parameter `{name}`")).hint(hint),
     );
@@ -176,17 +231,6 @@ fn not_text(name: &str, param: &Value, value: &Value, problems: &mut Problems) -
         );
     }
     value.broken()
-}
-
-/// A single value as text; `None` for lists and tables.
-fn written_out(value: &Value) -> Option<String> {
-    match &value.data {
-        Data::Text(text) => Some(text.to_string()),
-        Data::Integer(value) => Some(value.to_string()),
-        Data::Float(value) => Some(format!("{value:?}")),
-        Data::Bool(value) => Some(value.to_string()),
-        Data::List(_) | Data::Table(_) | Data::Broken => None,
-    }
 }
 
 fn has_names(value: &Value) -> bool {
@@ -243,6 +287,7 @@ fn split(text: &str) -> Result<Vec<Part<'_>>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::graph::Place;
 
     fn at(data: Data, source: usize) -> Value {
         Value::new(data, Place { source, span: 0..1 })
@@ -252,16 +297,18 @@ mod tests {
         at(Data::Text(text.into()), 0)
     }
 
-    fn params() -> Params {
+    fn params() -> Names {
         let list = Data::List([at(Data::Integer(1), 0)].into());
-        [
+        let params = [
             ("k", at(Data::Integer(60), 0)),
             ("x", at(Data::Float(1.0), 0)),
             ("dir", at(Data::Text("data".into()), 7)),
             ("list", at(list, 0)),
         ]
         .map(|(name, value)| (name.into(), value))
-        .into()
+        .into();
+        let axes = [("shape", AxisId(0)), ("n", AxisId(1))];
+        Names { params, axes: axes.map(|(name, axis)| (name.into(), axis)).into() }
     }
 
     /// The result and the messages.
@@ -307,6 +354,25 @@ mod tests {
         assert_eq!(base("shapes/${dir}.off"), 0);
     }
 
+    /// The pieces of a template, fields in brackets.
+    fn pieces(template: &str) -> String {
+        let value = substitute(&text(template), &params(), &mut Vec::new());
+        let Data::Template(pieces) = &value.data else { return value.describe() };
+        let show = |it: &Piece| match it {
+            Piece::Text(text) => text.to_string(),
+            Piece::Field(it) => format!("[{}:{}]", it.axis.0, it.field),
+        };
+        pieces.iter().map(show).collect()
+    }
+
+    #[test]
+    fn axes_stay_until_an_item_is_chosen() {
+        assert_eq!(pieces("${n}"), "[1:]");
+        assert_eq!(pieces("${dir}/${shape.stem}_${k}.off"), "data/[0:stem]_60.off");
+        assert_eq!(pieces("${shape.a.b}"), "[0:a.b]");
+        check("${shapes.stem}", "there is no parameter `shapes.stem`");
+    }
+
     fn resolve(declared: &[(&str, &str)]) -> (Params, Vec<String>) {
         let entry = |(index, (name, value)): (usize, &(&str, &str))| Entry {
             key: Key { name: (*name).into(), place: Place { source: 0, span: index..index + 1 } },
@@ -317,8 +383,8 @@ mod tests {
         };
         let declared: Vec<Entry> = declared.iter().enumerate().map(entry).collect();
         let mut problems = Vec::new();
-        let params = resolve_params(&declared, Params::new(), &mut problems);
-        (params, problems.into_iter().map(|it| it.message).collect())
+        let names = resolve_params(&declared, Names::default(), &mut problems);
+        (names.params, problems.into_iter().map(|it| it.message).collect())
     }
 
     #[test]

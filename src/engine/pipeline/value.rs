@@ -30,9 +30,32 @@ pub enum Data {
     Bool(bool),
     List(Arc<[Value]>),
     Table(Arc<[Entry]>),
+    /// It depends on the item of an axis, and is filled in for every instance.
+    Template(Arc<[Piece]>),
     /// Its mistake has been reported; nothing more is to be said of it.
     Broken,
 }
+
+/// A part of a text that depends on an axis. A template of one field is the field's value itself.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Piece {
+    Text(Arc<str>),
+    Field(AxisField),
+}
+
+/// `${axis}` or `${axis.field}`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AxisField {
+    pub axis: AxisId,
+    /// As it is written, for messages.
+    pub written: Arc<str>,
+    /// Empty for the item itself.
+    pub field: Arc<str>,
+}
+
+/// Which of the axes of an expansion; they are numbered in the order of their declaration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct AxisId(pub usize);
 
 /// A key and its value, in the order of the file.
 #[derive(Debug, Clone)]
@@ -70,6 +93,51 @@ impl Value {
         Self { data: Data::Broken, ..self.clone() }
     }
 
+    /// Calls `see` with every axis field that the value names.
+    pub fn axis_fields<'a>(&'a self, see: &mut dyn FnMut(&'a AxisField)) {
+        match &self.data {
+            Data::Template(pieces) => {
+                for piece in pieces.iter() {
+                    if let Piece::Field(field) = piece {
+                        see(field);
+                    }
+                }
+            }
+            Data::List(items) => items.iter().for_each(|it| it.axis_fields(see)),
+            Data::Table(entries) => entries.iter().for_each(|it| it.value.axis_fields(see)),
+            _ => {}
+        }
+    }
+
+    /// Whether it is the same for all items of all axes.
+    pub fn is_constant(&self) -> bool {
+        let mut res = true;
+        self.axis_fields(&mut |_| res = false);
+        res
+    }
+
+    /// A single value as text; `None` for lists, tables and what is not known yet.
+    pub fn written_out(&self) -> Option<String> {
+        match &self.data {
+            Data::Text(text) => Some(text.to_string()),
+            Data::Integer(value) => Some(value.to_string()),
+            Data::Float(value) => Some(format!("{value:?}")),
+            Data::Bool(value) => Some(value.to_string()),
+            Data::List(_) | Data::Table(_) | Data::Template(_) | Data::Broken => None,
+        }
+    }
+
+    /// The same value at the place where it is used.
+    pub fn moved(&self, place: &Place) -> Self {
+        let origin = self.origin.clone().unwrap_or_else(|| self.place.clone());
+        Self {
+            data: self.data.clone(),
+            place: place.clone(),
+            origin: Some(origin),
+            base: self.base,
+        }
+    }
+
     /// What it is, for a message: `the text "abc"`.
     pub fn describe(&self) -> String {
         match &self.data {
@@ -81,6 +149,7 @@ impl Value {
             Data::List(items) if items.len() == 1 => "a list of 1 value".to_owned(),
             Data::List(items) => format!("a list of {} values", items.len()),
             Data::Table(_) => "a table".to_owned(),
+            Data::Template(_) => "a value that depends on an axis".to_owned(),
             Data::Broken => "broken".to_owned(),
         }
     }

@@ -6,13 +6,33 @@ use super::{
     nearest::suggest,
     value::{Data, Value},
 };
-use crate::engine::node::Port;
+use crate::engine::{graph::Place, node::Port};
 
-/// The end of a wire: an output of a draft.
-#[derive(Debug, Clone, Copy)]
+/// The end of a wire: an output of a draft, at some of its items.
+#[derive(Debug, Clone)]
 pub struct WireEnd {
     pub draft: usize,
     pub port: &'static Port,
+    /// What is written in brackets on the way, the one next to the draft first.
+    pub selections: Vec<Selection>,
+}
+
+/// `axis=item` in `"@node[axis=item].port"`.
+#[derive(Debug, Clone)]
+pub struct Selection {
+    pub axis: String,
+    /// An item's label, or `pair.source`, or an axis whose items are the same.
+    pub item: String,
+    pub place: Place,
+    /// Where names of axes in `item` are looked up.
+    pub scope: usize,
+}
+
+/// What a wire says: `@name[selections].port`.
+struct Written<'a> {
+    name: &'a str,
+    port: Option<&'a str>,
+    selections: &'a str,
 }
 
 /// Follows a wire that is written in `scope`. Reports what is wrong with it, unless it has been.
@@ -33,7 +53,20 @@ struct Follower<'a> {
 
 impl<'a> Follower<'a> {
     fn follow(&mut self, scope: usize, wire: &'a Value) -> Option<WireEnd> {
-        let (name, port) = self.names(scope, wire)?;
+        let Written { name, port, selections } = self.names(scope, wire)?;
+        let selections = self.selections(selections, scope, wire)?;
+        let mut end = self.follow_name(scope, name, port, wire)?;
+        end.selections.extend(selections);
+        Some(end)
+    }
+
+    fn follow_name(
+        &mut self,
+        scope: usize,
+        name: &'a str,
+        port: Option<&'a str>,
+        wire: &'a Value,
+    ) -> Option<WireEnd> {
         // Every step enters or leaves a scope by another of its ports; more of them is a circle.
         self.n_steps += 1;
         if self.n_steps > 1000 {
@@ -63,12 +96,33 @@ impl<'a> Follower<'a> {
         }
     }
 
+    /// Reads `axis=item,axis=item`.
+    fn selections(&mut self, text: &'a str, scope: usize, wire: &Value) -> Option<Vec<Selection>> {
+        let mut res = Vec::new();
+        for part in text.split(',').filter(|_| !text.is_empty()) {
+            let Some((axis, item)) = part.split_once('=') else {
+                let hint = "write \"@node[axis=item].port\"".to_owned();
+                return self.fail(wire, &format!("`[{text}]` selects no items"), Some(hint));
+            };
+            let (axis, item) = (axis.trim().to_owned(), item.trim().to_owned());
+            res.push(Selection { axis, item, place: wire.place.clone(), scope });
+        }
+        Some(res)
+    }
+
     /// The node and the port that a wire names.
-    fn names(&mut self, scope: usize, wire: &'a Value) -> Option<(&'a str, Option<&'a str>)> {
+    fn names(&mut self, scope: usize, wire: &'a Value) -> Option<Written<'a>> {
         let Some(text) = wire.as_text() else {
             if !wire.is_broken() {
                 let what = match wire.data {
                     Data::List(_) => "a list".to_owned(),
+                    Data::Template(_) => {
+                        let message = "a wire cannot be named after the item of an axis";
+                        let hint = "nodes have the axes of what they read; \
+                            `\"@node[axis=item]\"` selects an item"
+                            .to_owned();
+                        return self.fail(wire, message, Some(hint));
+                    }
                     _ => wire.describe(),
                 };
                 let hint = "a wire is written as \"@node.port\"".to_owned();
@@ -88,7 +142,27 @@ impl<'a> Follower<'a> {
             let what = wire.describe();
             return self.fail(wire, &format!("expected a wire, but this is {what}"), Some(hint));
         };
-        Some(path.split_once('.').map_or((path, None), |(name, port)| (name, Some(port))))
+        let (name, port, selections) = match path.split_once('[') {
+            None => match path.split_once('.') {
+                Some((name, port)) => (name, Some(port), ""),
+                None => (path, None, ""),
+            },
+            Some((name, rest)) => {
+                let Some((selections, behind)) = rest.split_once(']') else {
+                    return self.fail(wire, "`[` is not closed by `]`", None);
+                };
+                match (behind, behind.strip_prefix('.')) {
+                    ("", _) => (name, None, selections),
+                    (_, Some(port)) => (name, Some(port), selections),
+                    _ => {
+                        let hint = "write \"@node[axis=item].port\"".to_owned();
+                        let message = format!("`{behind}` is not expected behind `]`");
+                        return self.fail(wire, &message, Some(hint));
+                    }
+                }
+            }
+        };
+        Some(Written { name, port, selections })
     }
 
     fn node_output(
@@ -107,7 +181,7 @@ impl<'a> Follower<'a> {
         if found.is_none() {
             self.report_port(name, port, outputs.iter().map(|it| it.name).collect(), wire);
         }
-        Some(WireEnd { draft, port: found? })
+        Some(WireEnd { draft, port: found?, selections: Vec::new() })
     }
 
     /// The wire behind an output of an inner pipeline.

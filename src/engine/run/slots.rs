@@ -1,6 +1,10 @@
 //! What the coordinator knows of every instance.
 
-use std::{collections::BTreeMap, collections::BTreeSet, time::Instant};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+    time::Instant,
+};
 
 use petgraph::graph::NodeIndex;
 
@@ -59,6 +63,8 @@ pub struct Slot {
     /// Whether it counts among the readers of its producers.
     pub reads: bool,
     pub outcome: Option<Outcome>,
+    /// Why its outputs will not come, for those who show what is missing.
+    pub failed: Option<Arc<str>>,
 }
 
 impl Slot {
@@ -82,6 +88,7 @@ impl Slot {
             readers,
             reads: true,
             outcome: None,
+            failed: None,
         }
     }
 

@@ -29,7 +29,7 @@ use crate::engine::{
 pub enum Job {
     Run {
         instance: NodeIndex,
-        inputs: BTreeMap<&'static str, Vec<Value>>,
+        inputs: BTreeMap<&'static str, JobInputs>,
         /// The pool to run in; `None` for the worker's own thread.
         pool: Option<Arc<ThreadPool>>,
     },
@@ -39,6 +39,9 @@ pub enum Job {
         path: PathBuf,
     },
 }
+
+/// What a job finds at a port: values in order, or why one is missing.
+pub type JobInputs = Vec<Result<Value, Arc<str>>>;
 
 /// An artifact in memory or in the store.
 #[derive(Clone)]
@@ -104,7 +107,7 @@ pub type Loaded = Vec<(PortRef, AnyArtifact)>;
 fn run_node(
     context: &Context<'_>,
     index: NodeIndex,
-    inputs: BTreeMap<&'static str, Vec<Value>>,
+    inputs: BTreeMap<&'static str, JobInputs>,
     pool: &ThreadPool,
     messages: &Sender<Message>,
 ) -> (Loaded, JobResult) {
@@ -115,9 +118,10 @@ fn run_node(
     for (port, values) in inputs {
         let mut list = Vec::with_capacity(values.len());
         for value in values {
-            match load(context, value, &mut loaded) {
-                Ok(artifact) => list.push(artifact),
-                Err(lost) => return (loaded, lost),
+            match value.map(|it| load(context, it, &mut loaded)) {
+                Ok(Ok(artifact)) => list.push(Ok(artifact)),
+                Ok(Err(lost)) => return (loaded, lost),
+                Err(missing) => list.push(Err(missing)),
             }
         }
         artifacts.insert(port, list);
@@ -129,7 +133,9 @@ fn run_node(
     let surroundings = &context.options.surroundings;
     let spec = &instance.kind.spec;
     let run = || {
-        let mut io = NodeIo::new(spec, artifacts, instance.files.clone(), surroundings, &progress);
+        let labels = instance.input_labels.clone();
+        let files = instance.files.clone();
+        let mut io = NodeIo::new(spec, artifacts, labels, files, surroundings, &progress);
         instance.node.run(&mut io)?;
         Ok(io.finish())
     };

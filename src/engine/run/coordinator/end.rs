@@ -1,6 +1,6 @@
 //! Ends instances: outcomes, failures and whom they stop, memory that is free again.
 
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 use petgraph::graph::NodeIndex;
 
@@ -10,6 +10,7 @@ use crate::engine::events::Event;
 use crate::engine::events::ExportOutcome;
 use crate::engine::events::Failure;
 use crate::engine::events::Outcome;
+use crate::engine::node::Port;
 use crate::engine::plan::Memory;
 use crate::engine::run::export;
 use crate::engine::run::message::Message;
@@ -64,7 +65,11 @@ impl<'a> Coordinator<'a> {
             self.stopping = true;
         }
         self.slots[index].work = Work::Idle;
+        let message = failure.message().to_owned();
+        self.slots[index].failed = Some(message.as_str().into());
         self.end(index, Outcome::Failed { failure, wall });
+        let because = format!("`{}` failed: {message}", self.context.graph.instances[index].id());
+        let because: Arc<str> = because.into();
         let mut open = self.dependents(index);
         while let Some(consumer) = open.pop() {
             let is_open = match &self.slots[consumer].outcome {
@@ -74,6 +79,7 @@ impl<'a> Coordinator<'a> {
             };
             if is_open {
                 self.slots[consumer].work = Work::Idle;
+                self.slots[consumer].failed = Some(Arc::clone(&because));
                 self.end(consumer, Outcome::Skipped { because: index });
                 open.extend(self.dependents(consumer));
             }
@@ -85,12 +91,34 @@ impl<'a> Coordinator<'a> {
         for rule in std::mem::take(&mut self.slots[index].waiting_exports) {
             self.end_export(rule, ExportOutcome::Skipped);
         }
-        let mut res = std::mem::take(&mut self.slots[index].wakes);
-        res.extend(std::mem::take(&mut self.slots[index].followers));
+        let mut res = std::mem::take(&mut self.slots[index].followers);
+        for consumer in std::mem::take(&mut self.slots[index].wakes) {
+            match self.shows_missing(consumer, index) {
+                true => self.wake(consumer, true),
+                false => res.push(consumer),
+            }
+        }
         if self.slots[index].outputs.is_none() {
-            res.extend(self.slots.consumers(index));
+            for consumer in self.slots.consumers(index) {
+                match self.shows_missing(consumer, index) {
+                    true => self.one_more_known(consumer),
+                    false => res.push(consumer),
+                }
+            }
         }
         res
+    }
+
+    /// Whether a consumer goes on without a producer that failed: it reads it only where it shows what
+    /// is missing.
+    fn shows_missing(&self, consumer: NodeIndex, producer: NodeIndex) -> bool {
+        let instance = &self.context.graph.instances[consumer];
+        let reads = |it: &&Port| {
+            let refs = instance.inputs.get(it.name).into_iter().flatten();
+            refs.into_iter().any(|it| it.instance == producer)
+        };
+        instance.shows_missing
+            && instance.kind.spec.inputs.iter().filter(reads).all(|it| it.labelled)
     }
 
     /// Waits for what still runs, closes the queues, and hears the writer out.

@@ -240,7 +240,7 @@ impl<'a> Coordinator<'a> {
     }
 
     /// One of the producers that an instance waits for is there again.
-    fn wake(&mut self, index: NodeIndex, producer_changed: bool) {
+    pub(super) fn wake(&mut self, index: NodeIndex, producer_changed: bool) {
         let slot = &mut self.slots[index];
         // It may have been skipped meanwhile, because another of its inputs failed.
         if slot.work != Work::Waiting {

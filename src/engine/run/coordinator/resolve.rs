@@ -12,6 +12,7 @@ use crate::engine::plan;
 use crate::engine::plan::KeyError;
 use crate::engine::plan::Memory;
 use crate::engine::plan::Outputs;
+use crate::engine::plan::Producer;
 use crate::engine::plan::Reason;
 use crate::engine::run::slots::Work;
 
@@ -23,9 +24,13 @@ impl<'a> Coordinator<'a> {
                 continue;
             }
             let instance = &self.context.graph.instances[index];
-            let known =
-                |it: NodeIndex| self.slots[it].outputs.as_ref().expect("its producers are known");
-            let key = match plan::key_of(instance, known, &self.memory) {
+            let producer = |it: NodeIndex| match &self.slots[it].failed {
+                Some(why) if instance.shows_missing => Producer::Failed(why),
+                _ => Producer::Known(
+                    self.slots[it].outputs.as_ref().expect("its producers are known"),
+                ),
+            };
+            let key = match plan::key_of(instance, producer, &self.memory) {
                 Ok(key) => key,
                 Err(error) => {
                     self.cannot_start(index, &error);
@@ -75,14 +80,19 @@ impl<'a> Coordinator<'a> {
     /// Tells consumers and exports that an instance's outputs are known now.
     pub(super) fn announce(&mut self, index: NodeIndex) {
         for consumer in self.slots.consumers(index) {
-            let slot = &mut self.slots[consumer];
-            slot.unknown_inputs -= 1;
-            if slot.unknown_inputs == 0 {
-                self.resolvable.push_back(consumer);
-            }
+            self.one_more_known(consumer);
         }
         for rule in self.rules_of(index) {
             self.plan_export(rule);
+        }
+    }
+
+    /// One more of an instance's producers has ended: all of them, and its key can be made.
+    pub(super) fn one_more_known(&mut self, consumer: NodeIndex) {
+        let slot = &mut self.slots[consumer];
+        slot.unknown_inputs -= 1;
+        if slot.unknown_inputs == 0 {
+            self.resolvable.push_back(consumer);
         }
     }
 

@@ -131,7 +131,12 @@ impl<'a> Coordinator<'a> {
             .inputs
             .iter()
             .map(|(&port, sources)| {
-                (port, sources.iter().filter_map(|&from| self.value(from)).collect::<Vec<_>>())
+                let values =
+                    sources.iter().filter_map(|&from| match &self.slots[from.instance].failed {
+                        Some(why) if instance.shows_missing => Some(Err(Arc::clone(why))),
+                        _ => self.value(from).map(Ok),
+                    });
+                (port, values.collect())
             })
             .collect();
         let others = self.ready.len() + self.ready_exports.len();

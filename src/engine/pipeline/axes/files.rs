@@ -1,0 +1,141 @@
+//! `files = "data/*.off"`: one item a file, sorted by path.
+
+use std::path::{Path, PathBuf};
+
+use super::read::{List, Reading};
+use crate::engine::pipeline::{
+    diagnostic::Diagnostic,
+    value::{Data, Value},
+};
+
+/// Files that match one pattern, or any of a list of patterns. Fields: `path`, `name`, `stem`.
+pub fn read(value: &Value, reading: &mut Reading<'_>) -> Option<List> {
+    let patterns = match &value.data {
+        Data::List(items) => &items[..],
+        _ => std::slice::from_ref(value),
+    };
+    let mut files: Vec<(PathBuf, Value)> = Vec::new();
+    for pattern in patterns {
+        for (path, written) in matching(pattern, reading)? {
+            if !files.iter().any(|it| it.0 == path) {
+                files.push((path, written));
+            }
+        }
+    }
+    let paths: Vec<PathBuf> = files.iter().map(|it| it.0.clone()).collect();
+    let labels = labels(&paths);
+    let mut res = List::with_fields(["", "path", "name", "stem"]);
+    for ((path, written), label) in files.iter().zip(labels) {
+        let text = |text: String| Value { data: Data::Text(text.into()), ..written.clone() };
+        let part = |part: Option<&std::ffi::OsStr>| {
+            text(part.unwrap_or_default().to_string_lossy().into_owned())
+        };
+        let values = vec![
+            text(label.clone()),
+            written.clone(),
+            part(path.file_name()),
+            part(path.file_stem()),
+        ];
+        res.push(label, values);
+    }
+    Some(res)
+}
+
+/// The files of a pattern, each with its path as the pipeline file would write it.
+fn matching(pattern: &Value, reading: &mut Reading<'_>) -> Option<Vec<(PathBuf, Value)>> {
+    let text = crate::engine::pipeline::parse::text(pattern, "`files`", reading.problems)?;
+    let fail = |message: String, reading: &mut Reading<'_>| {
+        reading.problems.push(
+            Diagnostic::error(&pattern.place, message)
+                .related(pattern.origin.as_ref(), "the pattern is written here"),
+        );
+    };
+    let folder = reading.sources.resolve(pattern.base, "");
+    // Only what the user wrote is a pattern: the folder may well be called `[old]`.
+    let whole = match Path::new(text).is_absolute() {
+        true => PathBuf::from(text),
+        false => Path::new(&glob::Pattern::escape(&folder.to_string_lossy())).join(text),
+    };
+    let options = glob::MatchOptions { require_literal_leading_dot: true, ..Default::default() };
+    let found = match glob::glob_with(&whole.to_string_lossy(), options) {
+        Ok(found) => found,
+        Err(error) => {
+            fail(format!("`{text}` is not a pattern of files: {}", error.msg), reading);
+            return None;
+        }
+    };
+    let mut files = Vec::new();
+    for path in found {
+        match path {
+            Ok(path) if path.is_file() => files.push(path),
+            Ok(_) => {}
+            Err(error) => {
+                fail(
+                    format!("cannot read `{}`: {}", error.path().display(), error.error()),
+                    reading,
+                );
+                return None;
+            }
+        }
+    }
+    files.sort();
+    if files.is_empty() {
+        fail(format!("no file matches `{}`", folder.join(text).display()), reading);
+        return None;
+    }
+    let written = |path: &Path| {
+        let relative = path.strip_prefix(&folder).unwrap_or(path);
+        let data = Data::Text(relative.to_string_lossy().into());
+        Value { data, ..pattern.clone() }
+    };
+    Some(files.iter().map(|it| (it.clone(), written(it))).collect())
+}
+
+/// Stems where they tell the files apart; otherwise paths below the folder that all share, without
+/// extensions where these are not needed.
+fn labels(paths: &[PathBuf]) -> Vec<String> {
+    let stem = |path: &PathBuf| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let shared = shared_folder(paths);
+    let below = |path: &PathBuf| path.strip_prefix(&shared).unwrap_or(path).to_path_buf();
+    let without_extension =
+        |path: &PathBuf| below(path).with_extension("").to_string_lossy().into_owned();
+    let whole = |path: &PathBuf| below(path).to_string_lossy().into_owned();
+    let candidates: [&dyn Fn(&PathBuf) -> String; 2] = [&stem, &without_extension];
+    for label in candidates {
+        let labels: Vec<String> = paths.iter().map(label).collect();
+        let mut unique: Vec<&String> = labels.iter().collect();
+        unique.sort_unstable();
+        unique.dedup();
+        if unique.len() == labels.len() {
+            return labels;
+        }
+    }
+    paths.iter().map(whole).collect()
+}
+
+fn shared_folder(paths: &[PathBuf]) -> PathBuf {
+    let mut folders = paths.iter().map(|it| it.parent().unwrap_or(Path::new("")));
+    let Some(first) = folders.next() else { return PathBuf::new() };
+    folders.fold(first.to_owned(), |shared, folder| {
+        let same = shared.components().zip(folder.components()).take_while(|it| it.0 == it.1);
+        same.map(|it| it.0).collect()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_are_as_short_as_tells_files_apart() {
+        let check = |paths: &[&str], expected: &[&str]| {
+            let paths: Vec<PathBuf> = paths.iter().map(PathBuf::from).collect();
+            assert_eq!(labels(&paths), expected);
+        };
+        check(&["d/a.off", "d/b.ply"], &["a", "b"]);
+        check(&["d/x/a.off", "d/y/a.off"], &["x/a", "y/a"]);
+        check(&["d/a.off", "d/a.ply"], &["a.off", "a.ply"]);
+        check(&["d/a.off"], &["a"]);
+        check(&[], &[]);
+    }
+}
