@@ -512,7 +512,8 @@ fn inputs(
         let port = draft.kind.spec.inputs.iter().find(|it| it.name == name);
         let is_labelled = port.is_some_and(|it| it.labelled);
         let (mut refs, mut port_labels) = (Vec::new(), Vec::new());
-        for (end, joined) in ends.iter().zip(&repeated.joined[name]) {
+        let joined = repeated.joined.get(name).into_iter().flatten();
+        for (end, joined) in ends.iter().zip(joined) {
             let producer = &all[end.draft].repeat;
             let over: Vec<AxisId> =
                 joined.axes.iter().copied().filter(|it| repeated.gathered.contains(it)).collect();
