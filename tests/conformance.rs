@@ -58,7 +58,7 @@ fn run(graph: &Graph, folder: &Path, cache: &str, threads: usize) -> (RunReport,
         targets: Vec::new(),
         forced: BTreeSet::new(),
         fail_fast: false,
-        surroundings: Surroundings { mirrors: Vec::new(), offline: true },
+        surroundings: Surroundings { mirrors: Vec::new(), offline: true, isolated: false },
         output_dir: folder.join("out"),
         run_id: "conformance".to_owned(),
     };

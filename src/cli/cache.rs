@@ -5,9 +5,10 @@ use std::time::Duration;
 use anstream::println;
 use clap::Subcommand;
 
-use super::{Exit, Failure, LIBRARY, Ui, common::StoreArgs, run::parse_size, style};
+use super::{Exit, Failure, LIBRARY, Ui, common::StoreArgs, style};
 use crate::engine::{
     clock::{show_bytes, show_duration},
+    settings::parse_size,
     store::gc::{self, GcError, GcOptions, GcReport},
 };
 

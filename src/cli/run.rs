@@ -16,6 +16,7 @@ use crate::engine::{
     node::Surroundings,
     record::{self, Liner, RECORD_VERSION, Recorder, RunStart, SourceText},
     run::{self, RunOptions},
+    settings::parse_size,
     store::{Access, Store},
 };
 
@@ -72,7 +73,11 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
         targets: common::select_all(&graph, &args.nodes)?,
         forced: common::select_all(&graph, &args.force)?.into_iter().collect(),
         fail_fast: args.fail_fast,
-        surroundings: Surroundings { mirrors: args.mirror.clone(), offline: args.offline },
+        surroundings: Surroundings {
+            mirrors: args.mirror.clone(),
+            offline: args.offline,
+            isolated: false,
+        },
         output_dir: args.out.clone(),
         run_id: record::new_run_id(),
     };
@@ -201,21 +206,4 @@ fn default_memory() -> u64 {
     let (pages, size) =
         unsafe { (libc::sysconf(libc::_SC_PHYS_PAGES), libc::sysconf(libc::_SC_PAGESIZE)) };
     u64::try_from(pages).unwrap_or(1 << 20) * u64::try_from(size).unwrap_or(4096) / 2
-}
-
-/// `512M`, `8G`, `1.5 GB`, or bytes.
-pub fn parse_size(text: &str) -> Result<u64, String> {
-    let digits = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
-    let (number, unit) = text.split_at(digits);
-    let factor = match unit.trim().to_ascii_uppercase().trim_end_matches('B').trim_end_matches('I')
-    {
-        "" => 1u64,
-        "K" => 1 << 10,
-        "M" => 1 << 20,
-        "G" => 1 << 30,
-        "T" => 1 << 40,
-        _ => return Err(format!("`{unit}` is no unit: K, M, G and T are")),
-    };
-    let number: f64 = number.parse().map_err(|_| format!("`{text}` is no size, such as 8G"))?;
-    Ok((number * factor as f64) as u64)
 }

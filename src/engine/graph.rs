@@ -9,7 +9,10 @@ use std::{
 
 use petgraph::graph::{DiGraph, NodeIndex};
 
-use super::node::{AnyNode, NodeKind};
+use super::{
+    node::{AnyNode, NodeKind},
+    settings::NodeSettings,
+};
 
 /// A pipeline whose every instance is checked.
 ///
@@ -46,6 +49,8 @@ pub struct Instance {
     pub shows_missing: bool,
     /// From the paths of file parameters (and their side files) to real paths.
     pub files: BTreeMap<PathBuf, PathBuf>,
+    /// How it is run; no part of its key.
+    pub settings: NodeSettings,
     /// Where the node is declared.
     pub place: Place,
     /// Where its parameters and wires are written.

@@ -1,6 +1,7 @@
 //! Pipelines, keys, plan, store, schedule, execution, run records. Knows no geometry.
 
 pub mod artifact;
+pub mod cancel;
 pub mod clock;
 pub mod digest;
 pub mod events;
@@ -12,10 +13,12 @@ pub mod node;
 pub mod params;
 pub mod pipeline;
 pub mod plan;
+pub mod process;
 pub mod record;
 pub mod reference;
 pub mod run;
 pub mod schema;
+pub mod settings;
 pub mod store;
 pub mod tensors;
 #[doc(hidden)]

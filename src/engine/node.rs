@@ -10,6 +10,7 @@ use std::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
+pub use super::cancel::CancelToken;
 use super::{
     artifact::{AnyArtifact, Artifact, ArtifactType},
     graph::{InputLabels, Labels},
@@ -201,6 +202,10 @@ impl<E: std::error::Error> From<E> for NodeError {
 pub trait Node: Serialize + DeserializeOwned + JsonSchema + Send + Sync + 'static {
     const SPEC: Spec;
 
+    /// Whether `run` itself ends soon after [`NodeIo::cancel`] says so, by killing the program that it
+    /// waits for. A time limit puts other kinds into a process of their own, which can be killed.
+    const HANDLES_LIMITS: bool = false;
+
     /// Checks what no single field can express. Must not touch the outside world.
     ///
     /// # Errors
@@ -233,6 +238,9 @@ pub struct Surroundings {
     pub mirrors: Vec<PathBuf>,
     /// No network.
     pub offline: bool,
+    /// The node runs in a process of its own, which is killed with its whole process group: programs
+    /// that it starts should stay in this group.
+    pub isolated: bool,
 }
 
 /// A progress report of a running node: the done fraction if it is known, and what is being done.
@@ -257,6 +265,7 @@ pub struct NodeIo<'a> {
     files: BTreeMap<PathBuf, PathBuf>,
     surroundings: &'a Surroundings,
     progress: ProgressFn<'a>,
+    cancel: CancelToken,
     outputs: NodeOutputs,
 }
 
@@ -281,8 +290,13 @@ impl<'a> NodeIo<'a> {
         surroundings: &'a Surroundings,
         progress: ProgressFn<'a>,
     ) -> Self {
-        let outputs = NodeOutputs::default();
-        Self { spec, inputs, input_labels, files, surroundings, progress, outputs }
+        let (cancel, outputs) = (CancelToken::never(), NodeOutputs::default());
+        Self { spec, inputs, input_labels, files, surroundings, progress, cancel, outputs }
+    }
+
+    /// The same, for a run that can be given up or that has a time limit.
+    pub fn with_cancel(self, cancel: CancelToken) -> Self {
+        Self { cancel, ..self }
     }
 
     /// The artifact at an input.
@@ -405,6 +419,15 @@ impl<'a> NodeIo<'a> {
         (self.progress)(fraction, message);
     }
 
+    /// Says when the result is no longer wanted: the run was stopped, or the time limit is over.
+    ///
+    /// Whoever waits for something outside (a program, a network) ends it then and returns an error;
+    /// what that error says does not matter. A computation need not look: it is left to finish, or
+    /// runs in a process that is killed.
+    pub fn cancel(&self) -> &CancelToken {
+        &self.cancel
+    }
+
     /// Leaves a remark for the user, kept with the result.
     pub fn note(&mut self, message: impl Into<String>) {
         self.outputs.notes.push(message.into());
@@ -427,6 +450,8 @@ impl<'a> NodeIo<'a> {
 /// The object-safe face of [`Node`], made by the blanket implementation.
 pub trait AnyNode: Send + Sync {
     fn spec(&self) -> &'static Spec;
+    /// Parameters as [`NodeKind::parse`] takes them.
+    fn params(&self) -> serde_json::Value;
     /// Parameters with every default filled in; files are replaced by their extensions.
     fn canonical_params(&self) -> serde_json::Value;
     fn validate(&self) -> Result<(), String>;
@@ -440,8 +465,12 @@ impl<N: Node> AnyNode for N {
         const { &N::SPEC }
     }
 
+    fn params(&self) -> serde_json::Value {
+        serde_json::to_value(self).expect("parameters are plain data")
+    }
+
     fn canonical_params(&self) -> serde_json::Value {
-        let mut params = serde_json::to_value(self).expect("parameters are plain data");
+        let mut params = self.params();
         for (field, file) in Node::files(self) {
             params[field] = serde_json::json!({ "file": file.extension() });
         }
@@ -471,6 +500,8 @@ pub struct NodeKind {
     /// Parameters from plain data, after `${}` has been filled in.
     pub parse: fn(serde_json::Value) -> Result<Box<dyn AnyNode>, serde_json::Error>,
     pub schema: fn() -> schemars::Schema,
+    /// See [`Node::HANDLES_LIMITS`].
+    pub handles_limits: bool,
 }
 
 impl NodeKind {
@@ -479,6 +510,7 @@ impl NodeKind {
             spec: N::SPEC,
             parse: |params| Ok(Box::new(serde_json::from_value::<N>(params)?)),
             schema: || schemars::schema_for!(N),
+            handles_limits: N::HANDLES_LIMITS,
         }
     }
 }

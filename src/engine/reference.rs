@@ -8,6 +8,7 @@ use super::{
     library::Library,
     node::{Arity, NodeKind, Port},
     params::{Field, Fields, Shape},
+    settings::NODE_KEYS,
 };
 
 /// All kinds as one Markdown document.
@@ -23,7 +24,22 @@ pub fn markdown(library: &Library) -> String {
     for kind in library.kinds {
         let _ = write!(res, "\n{}", kind_markdown(kind));
     }
+    res.push_str(&node_keys_markdown());
     res.push_str(&types_markdown(library));
+    res
+}
+
+/// What every node's table may say.
+fn node_keys_markdown() -> String {
+    let mut res = "\n# Keys of every node\n\n\
+        How a node is run. None of them changes a result or its key.\n\
+        A node of kind `pipeline` hands them to all its nodes that do not say otherwise.\n\
+        A duration is a number of seconds, or a text such as \"250ms\", \"90s\", \"10m\" or \"2h\".\n\n\
+        | Key | values; default | |\n|---|---|---|\n"
+        .to_owned();
+    for key in &NODE_KEYS {
+        let _ = writeln!(res, "| `{}` | {} | {} |", key.name, cell(key.values), cell(key.doc));
+    }
     res
 }
 

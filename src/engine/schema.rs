@@ -5,6 +5,7 @@ use serde_json::{Map, Value as Json, json};
 use super::{
     library::Library,
     node::{NodeKind, Port},
+    settings::NODE_KEYS,
 };
 
 /// The schema of pipeline files over these kinds.
@@ -20,6 +21,10 @@ pub fn schema(library: &Library) -> Json {
         "wire".to_owned(),
         json!({ "type": "string", "pattern": "^@|\\$\\{", "description": "\"@node.port\"." }),
     );
+    definitions.extend(NODE_KEYS.iter().map(|it| {
+        let schema = json!({ "description": it.doc, "allOf": [(it.schema)()] });
+        (format!("node.{}", it.name), or_template(schema))
+    }));
     let kinds: Vec<Json> =
         library.kinds.iter().map(|it| kind_schema(it, &mut definitions)).collect();
     let types: Vec<&str> = library.types.iter().map(|it| it.ty.name).collect();
@@ -139,16 +144,24 @@ fn table_of(value: Json, description: &str) -> Json {
     json!({ "type": "object", "description": description, "additionalProperties": value })
 }
 
+/// The keys that every node may have, by reference.
+fn node_keys() -> impl Iterator<Item = (String, Json)> {
+    let reference = |name| json!({ "$ref": format!("#/$defs/node.{name}") });
+    NODE_KEYS.iter().map(move |it| (it.name.to_owned(), reference(it.name)))
+}
+
 fn inner_pipeline_schema() -> Json {
+    let mut properties = Map::new();
+    properties.insert("kind".to_owned(), json!({ "const": "pipeline" }));
+    let file = json!({ "type": "string", "description": "Relative to this file." });
+    properties.insert("file".to_owned(), file);
+    properties.extend(node_keys());
     json!({
         "title": "pipeline",
         "description": "Another file: its inputs, parameters and outputs are those of this node.",
         "type": "object",
         "required": ["kind", "file"],
-        "properties": {
-            "kind": { "const": "pipeline" },
-            "file": { "type": "string", "description": "Relative to this file." },
-        },
+        "properties": properties,
     })
 }
 
@@ -173,6 +186,7 @@ fn kind_schema(kind: &NodeKind, definitions: &mut Map<String, Json>) -> Json {
     if let Some(Json::Object(params)) = schema.get_mut("properties").map(Json::take) {
         properties.extend(params.into_iter().map(|(name, it)| (name, or_template(it))));
     }
+    properties.extend(node_keys());
     let ports = spec.inputs.iter().filter(|it| !it.arity.may_be_left_out()).map(|it| it.name);
     let mut required: Vec<Json> = ["kind"].into_iter().chain(ports).map(Json::from).collect();
     if let Some(Json::Array(params)) = schema.get_mut("required").map(Json::take) {

@@ -18,6 +18,7 @@ use super::{
     nearest::{nearest, suggest},
     outputs,
     repeat::{self, Joined, Repeat},
+    settings::suggest_key,
     sources::Sources,
     value::{AxisId, Data, Entry, Value},
     wires::{self, WireEnd},
@@ -261,6 +262,7 @@ impl Checker<'_> {
         } else {
             None
         };
+        let settings = draft.settings.clone().complete();
         let n_problems = self.problems.len();
         for point in repeated.repeat.points(axes) {
             let node = match &shared {
@@ -282,6 +284,7 @@ impl Checker<'_> {
                 input_labels,
                 shows_missing: draft.gather.shows_missing,
                 files,
+                settings: settings.clone(),
                 place: draft.place.clone(),
                 field_places: Arc::clone(&field_places),
             });
@@ -562,7 +565,7 @@ fn report_unknown_key(
     let output = spec.outputs.iter().find(|it| *it.name == *key.name);
     let hint = match output {
         Some(_) => Some(format!("`{}` is an output", key.name)),
-        None => suggest(&key.name, names),
+        None => suggest_key(&key.name, names),
     };
     let message = format!("kind `{}` has no key `{}`", spec.kind, key.name);
     problems.push(Diagnostic::error(&key.place, message).hint(hint));
