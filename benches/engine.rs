@@ -47,13 +47,9 @@ fn child(folder: &Path) {
     let store = Store::open(&folder.join("cache"), Access::ReadWrite).expect("a writable folder");
     let options = RunOptions {
         threads: 2,
-        memory: 1 << 30,
-        targets: Vec::new(),
-        forced: BTreeSet::new(),
-        fail_fast: false,
-        surroundings: Surroundings::default(),
         output_dir: folder.to_owned(),
         run_id: "bench".to_owned(),
+        ..RunOptions::default()
     };
     let start = RunStart {
         v: RECORD_VERSION,

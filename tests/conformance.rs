@@ -2,12 +2,7 @@
 //! gives the same bytes at one and two threads and in another process; every artifact survives a
 //! round trip, and garbage is refused.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    fs,
-    path::Path,
-    process::Command,
-};
+use std::{collections::BTreeMap, fs, path::Path, process::Command};
 
 use serde::{Deserialize, Serialize};
 use sinew::{
@@ -20,7 +15,7 @@ use sinew::{
         node::Surroundings,
         pipeline::{self, Settings},
         record::Line,
-        run::{self, RunOptions},
+        run::{self, RunOptions, WorkerProgram},
         store::{Access, Store},
     },
 };
@@ -54,13 +49,14 @@ fn run(graph: &Graph, folder: &Path, cache: &str, threads: usize) -> (RunReport,
     let store = Store::open(&folder.join(cache), Access::ReadWrite).unwrap();
     let options = RunOptions {
         threads,
-        memory: 1 << 30,
-        targets: Vec::new(),
-        forced: BTreeSet::new(),
-        fail_fast: false,
         surroundings: Surroundings { mirrors: Vec::new(), offline: true, isolated: false },
         output_dir: folder.join("out"),
         run_id: "conformance".to_owned(),
+        worker: Some(WorkerProgram {
+            path: env!("CARGO_BIN_EXE_sinew").into(),
+            args: vec!["worker".to_owned()],
+        }),
+        ..RunOptions::default()
     };
     let mut outcomes = Outcomes::default();
     let report = run::run(graph, &LIBRARY, &store, &options, &mut outcomes);

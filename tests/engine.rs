@@ -12,7 +12,6 @@ use proptest::prelude::*;
 use sinew::engine::{
     events::{Counts, Event, ExportOutcome, Failure, Observer, Outcome, RunReport, Silent},
     graph::Graph,
-    node::Surroundings,
     pipeline::{self, Settings},
     plan::{self, PipelineMemory, Reason, Status},
     record::{Line, Record, Recorder, RunStart},
@@ -49,13 +48,9 @@ impl Bench {
     fn options(&self, threads: usize) -> RunOptions {
         RunOptions {
             threads,
-            memory: 1 << 30,
-            targets: Vec::new(),
-            forced: BTreeSet::new(),
-            fail_fast: false,
-            surroundings: Surroundings::default(),
             output_dir: self.path("out"),
             run_id: "test".to_owned(),
+            ..RunOptions::default()
         }
     }
 

@@ -17,8 +17,11 @@ mod run;
 mod runs;
 mod schema;
 mod show;
+mod signals;
 mod style;
+mod summary;
 mod ui;
+mod worker;
 
 use std::{path::PathBuf, process::ExitCode};
 
@@ -80,6 +83,8 @@ enum Command {
     New(new::Args),
     Schema(schema::Args),
     Completions(completions::Args),
+    #[command(hide = true)]
+    Worker(worker::Args),
 }
 
 /// How a command ended, if it could do its work.
@@ -92,6 +97,8 @@ pub enum Exit {
     /// Disk, network, permissions.
     Environment = 3,
     Bug = 101,
+    /// Stopped by Ctrl-C or another signal.
+    Interrupted = 130,
 }
 
 /// Why a command could not do its work.
@@ -150,6 +157,7 @@ fn start(command: Command, ui: &Ui) -> Result<Exit, Failure> {
         Command::Nodes(args) => nodes::run(&args, ui),
         Command::New(args) => new::run(&args, ui),
         Command::Schema(args) => schema::run(&args, ui),
+        Command::Worker(args) => worker::run(&args),
         Command::Completions(args) => completions::run(&args, &mut Cli::command()),
     }
 }

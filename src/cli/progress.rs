@@ -1,16 +1,16 @@
 //! What a run shows while it goes: lines for people on standard error.
 
-use std::{collections::BTreeMap, time::Duration};
+use std::{collections::BTreeMap, io::Write, time::Duration};
 
-use anstream::eprintln;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use petgraph::graph::NodeIndex;
 
-use super::style;
+use super::{style, summary::go_on};
 use crate::engine::{
     clock::{show_bytes, show_duration},
     events::{Event, ExportOutcome, Failure, Observer, Outcome},
     graph::Graph,
+    settings::show_limit,
 };
 
 /// How much is shown.
@@ -63,9 +63,11 @@ impl Progress {
 
     fn line(&self, word: &str, style: anstyle::Style, rest: &str) {
         let text = format!("{style}{word:>10}{style:#}  {rest}");
+        // A terminal that has gone away does not stop the run.
+        let write = || drop(writeln!(anstream::stderr(), "{text}"));
         match &self.live {
-            Some(live) => live.bars.suspend(|| eprintln!("{text}")),
-            None => eprintln!("{text}"),
+            Some(live) => live.bars.suspend(write),
+            None => write(),
         }
     }
 
@@ -107,6 +109,28 @@ impl Progress {
             }
             _ => {}
         }
+    }
+
+    fn retrying(&mut self, graph: &Graph, index: NodeIndex, what: &str, failure: &Failure) {
+        if let Some(live) = &mut self.live
+            && let Some(bar) = live.running.remove(&index)
+        {
+            bar.finish_and_clear();
+        }
+        if self.detail != Detail::Quiet {
+            let id = graph.instances[index].id();
+            let (width, message) = (self.width, show_failure(failure));
+            self.line("retry", style::WARN, &format!("{id:width$}  {what}: {message}"));
+        }
+    }
+
+    fn stopping(&self, n_running: usize) {
+        let nodes = super::ui::count(n_running, "running node");
+        let text = match n_running {
+            0 => "nothing is running".to_owned(),
+            _ => format!("waits for {nodes}; Ctrl-C again ends at once"),
+        };
+        self.line("stopping", style::WARN, &text);
     }
 
     fn exported(&self, graph: &Graph, rule: usize, outcome: &ExportOutcome) {
@@ -173,6 +197,15 @@ impl Observer for Progress {
                     let id = graph.instances[instance].id();
                     self.line("waiting", style::NOTE, &format!("{id}  another run computes it"));
                 }
+            }
+            Event::Retrying { instance, retry, retries, wait, failure } => {
+                let what = format!("{retry}/{retries} in {}", show_limit(wait));
+                self.retrying(graph, instance, &what, failure);
+            }
+            Event::Stopping { .. } if self.detail == Detail::Quiet => {}
+            Event::Stopping { now: false, n_running, .. } => self.stopping(n_running),
+            Event::Stopping { now: true, n_done, n_wanted, .. } => {
+                self.line("stopped", style::WARN, &go_on(n_done, n_wanted));
             }
             Event::Finished { instance, outcome, .. } => self.finished(graph, instance, outcome),
             Event::Exported { rule, outcome } => self.exported(graph, rule, outcome),

@@ -1,21 +1,26 @@
 //! `sinew run`: brings a pipeline up to date.
 
-use std::{path::PathBuf, time::Instant, time::SystemTime};
+use std::{
+    io::Write,
+    path::PathBuf,
+    time::{Instant, SystemTime},
+};
 
 use super::{
     Exit, Failure, Ui,
     common::{self, StoreArgs},
     pipeline_args::PipelineArgs,
     progress::Progress,
-    style,
+    signals,
+    summary::summarize,
 };
 use crate::engine::{
-    clock::{self, show_duration},
+    clock,
     events::{Event, Observer, RunReport},
     graph::Graph,
     node::Surroundings,
     record::{self, Liner, RECORD_VERSION, Recorder, RunStart, SourceText},
-    run::{self, RunOptions},
+    run::{self, RunOptions, WorkerProgram},
     settings::parse_size,
     store::{Access, Store},
 };
@@ -80,13 +85,16 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
         },
         output_dir: args.out.clone(),
         run_id: record::new_run_id(),
+        worker: Some(this_program()),
+        stop: signals::stop_requests()
+            .map_err(|e| Failure::environment(format_args!("cannot listen for Ctrl-C: {e}")))?,
     };
     let store =
         if args.read_only_cache { args.store.open_read_only()? } else { args.store.open()? };
     let start = run_start(&graph, &options);
     let mut watch = Watch::new(&graph, &store, &start, ui);
     let report = run::run(&graph, &crate::LIBRARY, &store, &options, &mut watch);
-    watch.end(&report, &graph, ui, &options.run_id);
+    watch.end(&report, &graph, args, ui, &options.run_id);
     exit_code(&report, &store)
 }
 
@@ -108,7 +116,7 @@ impl Watch {
         Self { progress: Progress::new(graph, ui.detail, ui.live), recorder, json }
     }
 
-    fn end(mut self, report: &RunReport, graph: &Graph, ui: &Ui, run_id: &str) {
+    fn end(mut self, report: &RunReport, graph: &Graph, args: &Args, ui: &Ui, run_id: &str) {
         self.progress.finish();
         if let Some(json) = &self.json {
             print_line(&json.done(report));
@@ -117,7 +125,7 @@ impl Watch {
             recorder.done(report);
         }
         if ui.detail != super::progress::Detail::Quiet {
-            summarize(report, graph, run_id);
+            summarize(report, graph, &args.pipeline, run_id);
         }
     }
 }
@@ -135,31 +143,14 @@ impl Observer for Watch {
 }
 
 fn print_line(line: &record::Line) {
-    println!("{}", serde_json::to_string(line).expect("lines are plain data"));
+    let text = serde_json::to_string(line).expect("lines are plain data");
+    // A reader that has gone away (`| head`) does not stop the run.
+    let _ = writeln!(std::io::stdout(), "{text}");
 }
 
-/// The last line: what came of it.
-fn summarize(report: &RunReport, graph: &Graph, run_id: &str) {
-    let counts = report.counts();
-    let time = show_duration(report.wall);
-    let (head, text) = if report.succeeded() && counts.ran == 0 {
-        let n = counts.cached + counts.cut_off;
-        (style::GOOD, format!("{n} nodes up to date in {time}"))
-    } else {
-        let named = [
-            (counts.ran, "ran"),
-            (counts.cached, "cached"),
-            (counts.cut_off, "cut off"),
-            (counts.failed, "failed"),
-            (counts.skipped, "skipped"),
-        ];
-        let parts: Vec<String> =
-            named.iter().filter(|it| it.0 > 0).map(|(n, what)| format!("{n} {what}")).collect();
-        let head = if report.succeeded() { style::GOOD } else { style::BAD };
-        (head, format!("{} of {} nodes in {time}", parts.join(", "), graph.instances.node_count()))
-    };
-    let note = style::NOTE;
-    anstream::eprintln!("{head}{:>10}{head:#}  {text}  {note}(run {run_id}){note:#}", "Finished");
+/// This very program, also when its file has been replaced meanwhile.
+fn this_program() -> WorkerProgram {
+    WorkerProgram { path: "/proc/self/exe".into(), args: vec!["worker".to_owned()] }
 }
 
 fn exit_code(report: &RunReport, store: &Store) -> Result<Exit, Failure> {
@@ -171,6 +162,7 @@ fn exit_code(report: &RunReport, store: &Store) -> Result<Exit, Failure> {
     }
     Ok(match report {
         it if it.succeeded() => Exit::Success,
+        it if it.stopped => Exit::Interrupted,
         it if it.panicked() => Exit::Bug,
         it if it.environment_failed() => Exit::Environment,
         _ => Exit::NodeFailed,

@@ -125,11 +125,21 @@ fn tell(record: &Record, ui: &Ui) {
                 let message = message.as_deref().unwrap_or_default();
                 println!("{status:>10}  {}  {size}{message}", path.display());
             }
-            Line::RunDone { t, ran, cached, cut_off, failed, skipped } => println!(
+            Line::NodeRetry { node, retry, retries, wait_s, message, .. } => {
+                let (word, warn, wait) = ("retry", style::WARN, show_secs(*wait_s));
+                let what = format!("{retry}/{retries} after {wait}: {message}");
+                println!("{warn}{word:>10}{warn:#}  {node:width$}  {what}");
+            }
+            Line::Stopping { t, now } => {
+                let (word, warn) = ("stopping", style::WARN);
+                let how = if *now { ", at once" } else { "" };
+                println!("{warn}{word:>10}{warn:#}  asked to after {}{how}", show_secs(*t));
+            }
+            Line::RunDone { t, ran, cached, cut_off, failed, skipped, stopped } => println!(
                 "{head}{:>10}{head:#}  {ran} ran, {cached} cached, {cut_off} cut off, {failed} \
                  failed, {skipped} skipped in {}",
-                "Finished",
-                show_secs(*t)
+                if *stopped { "Stopped" } else { "Finished" },
+                show_secs(*t),
             ),
             _ => {}
         }

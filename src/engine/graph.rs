@@ -130,6 +130,12 @@ impl Instance {
         all.join(",") == items || items.split(',').all(is_one)
     }
 
+    /// Whether it runs in a process of its own: it shall, or has a time limit that only killing keeps.
+    pub fn needs_process(&self) -> bool {
+        let is_limited = self.settings.timeout.is_some() && !self.kind.handles_limits;
+        self.settings.isolate.is_some() || is_limited
+    }
+
     /// The real path of a declared file.
     pub fn real_path(&self, path: &Path) -> Option<&Path> {
         self.files.get(path).map(PathBuf::as_path)

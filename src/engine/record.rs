@@ -30,13 +30,58 @@ pub const RECORD_VERSION: u32 = 1;
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Line {
     RunStart(RunStart),
-    Planned { t: f64, nodes: usize, cached: usize },
-    NodeStart { t: f64, node: String, threads: usize, reason: String },
-    NodeProgress { t: f64, node: String, fraction: Option<f64>, text: String },
-    NodeWaiting { t: f64, node: String },
+    Planned {
+        t: f64,
+        nodes: usize,
+        cached: usize,
+    },
+    NodeStart {
+        t: f64,
+        node: String,
+        threads: usize,
+        reason: String,
+    },
+    NodeProgress {
+        t: f64,
+        node: String,
+        fraction: Option<f64>,
+        text: String,
+    },
+    NodeWaiting {
+        t: f64,
+        node: String,
+    },
+    NodeRetry {
+        t: f64,
+        node: String,
+        retry: u32,
+        retries: u32,
+        wait_s: f64,
+        message: String,
+    },
+    Stopping {
+        t: f64,
+        now: bool,
+    },
     NodeDone(NodeDone),
-    Output { t: f64, path: PathBuf, status: String, bytes: Option<u64>, message: Option<String> },
-    RunDone { t: f64, ran: usize, cached: usize, cut_off: usize, failed: usize, skipped: usize },
+    Output {
+        t: f64,
+        path: PathBuf,
+        status: String,
+        bytes: Option<u64>,
+        message: Option<String>,
+    },
+    RunDone {
+        t: f64,
+        ran: usize,
+        cached: usize,
+        cut_off: usize,
+        failed: usize,
+        skipped: usize,
+        /// It was asked to stop.
+        #[serde(default)]
+        stopped: bool,
+    },
 }
 
 /// What was run, by whom, with what.
@@ -114,6 +159,11 @@ impl Liner {
                 Line::NodeProgress { t, node: id(instance), fraction, text: text.to_owned() }
             }
             Event::Waiting { instance } => Line::NodeWaiting { t, node: id(instance) },
+            Event::Retrying { instance, retry, retries, wait, failure } => {
+                let (wait_s, message) = (wait.as_secs_f64(), told(failure));
+                Line::NodeRetry { t, node: id(instance), retry, retries, wait_s, message }
+            }
+            Event::Stopping { now, .. } => Line::Stopping { t, now },
             Event::Finished { outcome: Outcome::NotWanted, .. } => return None,
             Event::Finished { instance, outcome, key, outputs } => Line::NodeDone(self.node_done(
                 graph,
@@ -156,8 +206,7 @@ impl Liner {
                 ("ran", Some(*wall), Some(reason.to_string()), &notes[..])
             }
             Outcome::Failed { failure, wall } => {
-                let bug = if matches!(failure, Failure::Panic(_)) { "panic: " } else { "" };
-                ("failed", Some(*wall), Some(format!("{bug}{}", failure.message())), &[][..])
+                ("failed", Some(*wall), Some(told(failure)), &[][..])
             }
             Outcome::Skipped { because } => {
                 ("skipped", None, Some(graph.instances[*because].id()), &[][..])
@@ -187,8 +236,14 @@ impl Liner {
             cut_off: counts.cut_off,
             failed: counts.failed,
             skipped: counts.skipped,
+            stopped: report.stopped,
         }
     }
+}
+
+fn told(failure: &Failure) -> String {
+    let bug = if matches!(failure, Failure::Panic(_)) { "panic: " } else { "" };
+    format!("{bug}{}", failure.message())
 }
 
 /// Writes the record of a run as it goes.
@@ -238,6 +293,7 @@ impl Observer for Recorder {
         let flush = matches!(
             event,
             Event::Finished { outcome: Outcome::Ran { .. } | Outcome::Failed { .. }, .. }
+                | Event::Stopping { .. }
         );
         if let Some(line) = self.liner.line(graph, event) {
             self.write(&line, flush);

@@ -30,6 +30,7 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 pub use claims::Claim;
+use claims::Claims;
 use log::{Log, RecordKind};
 pub use objects::{Bytes, ObjectError};
 
@@ -110,7 +111,7 @@ pub struct Store {
     dir: PathBuf,
     access: Access,
     log: Mutex<Log>,
-    claims: Option<Arc<File>>,
+    claims: Option<Arc<Claims>>,
     /// Held, shared, as long as the store is open.
     _lock: Option<File>,
 }
@@ -143,7 +144,8 @@ impl Store {
                 let lock = open_lock_file(&dir.join("lock"))?;
                 let path = dir.join("lock");
                 lock.lock_shared().map_err(StoreError::new("lock", &path))?;
-                (Some(lock), Some(Arc::new(open_lock_file(&dir.join("claims"))?)))
+                let claims = Claims::new(open_lock_file(&dir.join("claims"))?);
+                (Some(lock), Some(Arc::new(claims)))
             }
         };
         let log = Log::open(&dir.join("log"))?;
@@ -197,6 +199,11 @@ impl Store {
         objects::read(&self.dir, self.access, ty, digest)
     }
 
+    /// The file of an object that [`Store::object`] has mapped.
+    pub fn object_path(&self, digest: &Digest) -> PathBuf {
+        objects::path(&self.dir, digest)
+    }
+
     /// Writes objects and the entries that name them, in this order.
     ///
     /// # Errors
@@ -237,16 +244,16 @@ impl Store {
         self.log().get(note.record(), about)
     }
 
-    /// Claims a key for this process, if nobody else computes it now.
+    /// Claims a key for one run, if nobody else computes it now.
     ///
     /// # Errors
     /// If the file of claims cannot be locked for another reason.
     pub fn claim(&self, key: &Digest) -> Result<Option<Claim>, StoreError> {
         match &self.claims {
             None => Ok(Some(Claim::none())),
-            Some(file) => {
+            Some(claims) => {
                 let path = self.dir.join("claims");
-                Claim::take(file, key).map_err(StoreError::new("lock", &path))
+                Claim::take(claims, key).map_err(StoreError::new("lock", &path))
             }
         }
     }
