@@ -43,7 +43,6 @@ pub mod skeleton_transfer;
 pub mod skinning;
 pub mod snapshot;
 pub mod sparse;
-pub mod stack_tables;
 pub mod subdivide;
 pub mod synthesize;
 pub mod table;
