@@ -15,6 +15,7 @@ mod laplacian;
 mod load;
 mod make_body;
 mod normalize;
+mod plot;
 mod regressor;
 mod rig;
 mod snapshot;
@@ -42,6 +43,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<load::Load>(),
     NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<normalize::Normalize>(),
+    NodeKind::of::<plot::Plot>(),
     NodeKind::of::<regressor::RegressorNode>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<snapshot::Snapshot>(),

@@ -6,8 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Inputs, Node, NodeError, NodeIo, Output, Spec};
 use crate::kernels::table::{
-    Best, Condition, Missing, Order, Part, Pivot, Statistic, Table, TableError, add_statistics,
-    group, mark_best, pivot, rename, select_columns, select_rows, set_decimals, sort, stack,
+    Best, BestIn, Condition, Missing, Order, Part, Pivot, Statistic, Table, TableError,
+    add_statistics, group, mark_best, mark_best_in_rows, pivot, rename, select_columns,
+    select_rows, set_decimals, sort, stack,
 };
 
 /// Puts tables below each other and makes a paper's table of them.
@@ -89,10 +90,12 @@ impl TableNode {
         }
         table = sort(&table, &self.sort_by, self.order)?;
         for (column, &best) in &self.best {
-            let is_value = self.pivot.as_ref().is_some_and(|it| it.value == *column);
-            let columns = if is_value { &cells[..] } else { std::slice::from_ref(column) };
-            for column in columns {
-                mark_best(&mut table, column, best)?;
+            match self.pivot.as_ref().filter(|it| it.value == *column) {
+                Some(by) if by.best_in == BestIn::Row => {
+                    mark_best_in_rows(&mut table, &cells, best)?;
+                }
+                Some(_) => cells.iter().try_for_each(|it| mark_best(&mut table, it, best))?,
+                None => mark_best(&mut table, column, best)?,
             }
         }
         Ok(Arranged { table, labels })

@@ -14,7 +14,7 @@ mod statistics;
 pub use arrange::{Order, rename, select_columns, set_decimals, sort};
 pub use bound::{Bound, BoundError, Checked, check_bound};
 pub use group::group;
-pub use marks::{Best, mark_best};
+pub use marks::{Best, BestIn, mark_best, mark_best_in_rows};
 pub use pivot::{Pivot, pivot};
 pub use select::{Condition, Wanted, select_rows};
 pub use stack::{Part, StackError, number, stack};

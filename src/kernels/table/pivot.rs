@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Column, Statistic, Table, TableError, Values, group::groups};
+use super::{BestIn, Column, Statistic, Table, TableError, Values, group::groups};
 
 /// Which columns become the rows, the columns and the cells of a table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -18,6 +18,9 @@ pub struct Pivot {
     /// What a cell holds, of all values that belong to it.
     #[serde(default = "mean")]
     pub statistic: Statistic,
+    /// With `best` of the value: where the best cells are looked for.
+    #[serde(default)]
+    pub best_in: BestIn,
 }
 
 fn mean() -> Statistic {
@@ -84,6 +87,7 @@ mod tests {
             columns: "set".to_owned(),
             value: value.to_owned(),
             statistic: Statistic::Mean,
+            best_in: BestIn::Column,
         }
     }
 
