@@ -200,6 +200,10 @@ fn write_example_files(folder: &Path) {
     let tetrahedron =
         "OFF\n4 4 6\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
     fs::write(folder.join("tetrahedron.off"), tetrahedron).unwrap();
+    let errors = "method,shape,joints,error [%]\nours,horse,33,5.0\nours,fox,42,3.9\n\
+                  ours,woman,31,0.96\nnearest,horse,33,7.5\nnearest,fox,42,6.25\n\
+                  nearest,woman,31,2.5\n";
+    fs::write(folder.join("errors.csv"), errors).unwrap();
 }
 
 macro_rules! by_first_letter {

@@ -3,6 +3,7 @@
 mod basis;
 mod clip;
 mod descriptors;
+mod figure;
 mod files;
 mod functional_map;
 mod image;
@@ -35,6 +36,7 @@ pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::basis::Basis>(),
     ArtifactKind::of::<kernels::clip::Clip>(),
     ArtifactKind::of::<kernels::descriptors::Descriptors>(),
+    ArtifactKind::of::<kernels::figure::Figure>(),
     ArtifactKind::of::<kernels::files::FileSet>(),
     ArtifactKind::of::<kernels::functional_map::FunctionalMap>(),
     ArtifactKind::of::<kernels::image::Image>(),

@@ -2,6 +2,7 @@
 
 use crate::engine::node::NodeKind;
 
+mod check;
 mod clean;
 mod decimate;
 mod descriptors;
@@ -14,6 +15,7 @@ mod laplacian;
 mod load;
 mod make_body;
 mod normalize;
+mod plot;
 mod regressor;
 mod rig;
 mod snapshot;
@@ -21,12 +23,14 @@ mod spectral_regressor;
 mod subdivide;
 mod synthesize;
 mod table;
+mod table_file;
 mod transfer;
 mod transfer_weights;
 mod zoomout;
 
 /// Every kind. Keep sorted by name.
 pub static ALL: &[NodeKind] = &[
+    NodeKind::of::<check::Check>(),
     NodeKind::of::<clean::Clean>(),
     NodeKind::of::<decimate::Decimate>(),
     NodeKind::of::<descriptors::DescriptorsNode>(),
@@ -39,6 +43,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<load::Load>(),
     NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<normalize::Normalize>(),
+    NodeKind::of::<plot::Plot>(),
     NodeKind::of::<regressor::RegressorNode>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<snapshot::Snapshot>(),
@@ -46,6 +51,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<subdivide::Subdivide>(),
     NodeKind::of::<synthesize::Synthesize>(),
     NodeKind::of::<table::TableNode>(),
+    NodeKind::of::<table_file::TableFile>(),
     NodeKind::of::<transfer::Transfer>(),
     NodeKind::of::<transfer_weights::TransferWeights>(),
     NodeKind::of::<zoomout::ZoomOut>(),

@@ -6,6 +6,7 @@
 //! them.
 
 pub mod character;
+pub mod csv;
 pub mod error;
 pub mod glb;
 pub mod gltf;
@@ -15,6 +16,7 @@ pub mod ply;
 pub mod png;
 pub mod read;
 pub mod stl;
+pub mod table_file;
 pub mod table_text;
 pub mod uri;
 pub mod zip;

@@ -1,6 +1,10 @@
 //! From bytes to a validated document and its buffers.
 
-use gltf::{Document, Gltf, buffer::Source, json::validation::Checked};
+use gltf::{
+    Document,
+    buffer::Source,
+    json::{Root, deserialize, mesh::Semantic, validation::Checked},
+};
 
 use super::FORMAT;
 use crate::kernels::io::{error::ReadError, uri::percent_decoded};
@@ -61,9 +65,31 @@ fn parse(json: &[u8]) -> Result<Document, ReadError> {
     if json.starts_with(b"glTF") {
         return Err(ReadError::content(FORMAT, "a binary file inside of a binary file"));
     }
-    let gltf = Gltf::from_slice(json).map_err(|e| ReadError::content(FORMAT, e.to_string()))?;
-    check_animations(&gltf.document)?;
-    Ok(gltf.document)
+    let root: Root =
+        deserialize::from_slice(json).map_err(|e| ReadError::content(FORMAT, e.to_string()))?;
+    check_positions(&root)?;
+    let document =
+        Document::from_json(root).map_err(|e| ReadError::content(FORMAT, e.to_string()))?;
+    check_animations(&document)?;
+    Ok(document)
+}
+
+/// What the validation of the `gltf` crate (1.4) itself panics on: positions that lead nowhere.
+fn check_positions(root: &Root) -> Result<(), ReadError> {
+    for (index, mesh) in root.meshes.iter().enumerate() {
+        let positions = |it: &gltf::json::mesh::Primitive| {
+            it.attributes.get(&Checked::Valid(Semantic::Positions)).map(|it| it.value())
+        };
+        let n_accessors = root.accessors.len();
+        let wrong = mesh.primitives.iter().filter_map(positions).find(|&it| it >= n_accessors);
+        if let Some(accessor) = wrong {
+            let what = format!(
+                "mesh {index} has its positions in accessor {accessor}, but there are {n_accessors}"
+            );
+            return Err(ReadError::content(FORMAT, what));
+        }
+    }
+    Ok(())
 }
 
 /// What the validation of the `gltf` crate (1.4) leaves out, and its accessors then panic on.
