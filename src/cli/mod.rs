@@ -6,6 +6,7 @@ mod cache;
 mod check;
 mod common;
 mod completions;
+mod diff;
 mod explain;
 mod graph;
 mod new;
@@ -18,7 +19,10 @@ mod runs;
 mod schema;
 mod show;
 mod style;
+mod told;
 mod ui;
+mod verify;
+mod watch;
 
 use std::{path::PathBuf, process::ExitCode};
 
@@ -70,9 +74,12 @@ struct GlobalArgs {
 enum Command {
     Run(run::Args),
     Plan(plan::Args),
+    Watch(watch::Args),
     Explain(explain::Args),
     Show(show::Args),
     Runs(runs::Args),
+    Diff(diff::Args),
+    Verify(verify::Args),
     Cache(cache::Args),
     Check(check::Args),
     Graph(graph::Args),
@@ -91,6 +98,10 @@ pub enum Exit {
     Invalid = 2,
     /// Disk, network, permissions.
     Environment = 3,
+    /// What is stored is not what it should be: out of date, damaged, or not made again alike.
+    Stale = 4,
+    /// A number is beyond the limit that was given.
+    Threshold = 5,
     Bug = 101,
 }
 
@@ -140,10 +151,13 @@ pub fn main() -> ExitCode {
 fn start(command: Command, ui: &Ui) -> Result<Exit, Failure> {
     match command {
         Command::Run(args) => run::run(&args, ui),
+        Command::Watch(args) => watch::run(&args, ui),
+        Command::Verify(args) => verify::run(&args, ui),
         Command::Plan(args) => plan::run(&args, ui),
         Command::Explain(args) => explain::run(&args, ui),
         Command::Show(args) => show::run(&args, ui),
         Command::Runs(args) => runs::run(&args, ui),
+        Command::Diff(args) => diff::run(&args, ui),
         Command::Cache(args) => cache::run(&args, ui),
         Command::Check(args) => check::run(&args, ui),
         Command::Graph(args) => graph::run(&args, ui),

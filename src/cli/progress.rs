@@ -1,6 +1,9 @@
 //! What a run shows while it goes: lines for people on standard error.
 
-use std::{collections::BTreeMap, time::Duration};
+use std::{
+    collections::{BTreeMap, HashMap},
+    time::Duration,
+};
 
 use anstream::eprintln;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -11,6 +14,7 @@ use crate::engine::{
     clock::{show_bytes, show_duration},
     events::{Event, ExportOutcome, Failure, Observer, Outcome},
     graph::Graph,
+    why::{self, Places, Standing, Why},
 };
 
 /// How much is shown.
@@ -30,6 +34,9 @@ pub struct Progress {
     live: Option<Live>,
     /// Names are padded to this width.
     width: usize,
+    places: Places,
+    /// Why instances ran so far, by name: what comes later says what it comes from.
+    whys: HashMap<String, Why>,
 }
 
 /// The moving part at the bottom of a terminal.
@@ -50,7 +57,13 @@ impl Progress {
             total.set_style(ProgressStyle::with_template(template).expect("a valid template"));
             Live { bars, total, running: BTreeMap::new() }
         });
-        Self { detail, live, width: width.unwrap_or(0).min(40) }
+        Self {
+            detail,
+            live,
+            width: width.unwrap_or(0).min(40),
+            places: Places::default(),
+            whys: HashMap::new(),
+        }
     }
 
     /// Takes the moving part away.
@@ -84,7 +97,11 @@ impl Progress {
         match outcome {
             Outcome::Ran { wall, reason, notes } if self.detail != Detail::Quiet => {
                 let time = show_duration(*wall);
-                self.line("ran", style::GOOD, &format!("{padded}  {time:>8}  {reason}"));
+                let why = Why::of(graph, index, reason, &self.places);
+                let look_up = |id: &str| self.whys.get(id).map(|it| Standing::Runs(it.clone()));
+                let text = why::headline(&why, &look_up);
+                self.line("ran", style::GOOD, &format!("{padded}  {time:>8}  {text}"));
+                self.whys.insert(id.clone(), why);
                 for note in notes {
                     self.line("note", style::NOTE, &format!("{id}: {note}"));
                 }

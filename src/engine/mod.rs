@@ -2,6 +2,7 @@
 
 pub mod artifact;
 pub mod clock;
+pub mod compare;
 pub mod digest;
 pub mod events;
 pub mod file_digests;
@@ -20,3 +21,5 @@ pub mod store;
 pub mod tensors;
 #[doc(hidden)]
 pub mod toy;
+pub mod verify;
+pub mod why;
