@@ -53,7 +53,7 @@ fn child(folder: &Path) {
     };
     let start = RunStart {
         v: RECORD_VERSION,
-        run: record::new_run_id(),
+        run: record::new_run_id(store.dir()),
         time: String::new(),
         version: String::new(),
         title: None,

@@ -93,7 +93,7 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
             let (entries, objects) = (report.entries, report.objects);
             let n_damaged = report.damaged.len();
             println!("{entries} entries and {objects} artifacts, {n_damaged} damaged");
-            Ok(if n_damaged == 0 { Exit::Success } else { Exit::Environment })
+            Ok(if n_damaged == 0 { Exit::Success } else { Exit::Stale })
         }
     }
 }

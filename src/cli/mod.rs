@@ -6,6 +6,7 @@ mod cache;
 mod check;
 mod common;
 mod completions;
+mod diff;
 mod explain;
 mod graph;
 mod new;
@@ -20,7 +21,10 @@ mod show;
 mod signals;
 mod style;
 mod summary;
+mod told;
 mod ui;
+mod verify;
+mod watch;
 mod worker;
 
 use std::{path::PathBuf, process::ExitCode};
@@ -73,9 +77,12 @@ struct GlobalArgs {
 enum Command {
     Run(run::Args),
     Plan(plan::Args),
+    Watch(watch::Args),
     Explain(explain::Args),
     Show(show::Args),
     Runs(runs::Args),
+    Diff(diff::Args),
+    Verify(verify::Args),
     Cache(cache::Args),
     Check(check::Args),
     Graph(graph::Args),
@@ -96,6 +103,10 @@ pub enum Exit {
     Invalid = 2,
     /// Disk, network, permissions.
     Environment = 3,
+    /// What is stored is not what it should be: out of date, damaged, or not made again alike.
+    Stale = 4,
+    /// A number is beyond the limit that was given.
+    Threshold = 5,
     Bug = 101,
     /// Stopped by Ctrl-C or another signal.
     Interrupted = 130,
@@ -147,10 +158,13 @@ pub fn main() -> ExitCode {
 fn start(command: Command, ui: &Ui) -> Result<Exit, Failure> {
     match command {
         Command::Run(args) => run::run(&args, ui),
+        Command::Watch(args) => watch::run(&args, ui),
+        Command::Verify(args) => verify::run(&args, ui),
         Command::Plan(args) => plan::run(&args, ui),
         Command::Explain(args) => explain::run(&args, ui),
         Command::Show(args) => show::run(&args, ui),
         Command::Runs(args) => runs::run(&args, ui),
+        Command::Diff(args) => diff::run(&args, ui),
         Command::Cache(args) => cache::run(&args, ui),
         Command::Check(args) => check::run(&args, ui),
         Command::Graph(args) => graph::run(&args, ui),

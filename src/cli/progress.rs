@@ -1,6 +1,10 @@
 //! What a run shows while it goes: lines for people on standard error.
 
-use std::{collections::BTreeMap, io::Write, time::Duration};
+use std::{
+    collections::{BTreeMap, HashMap},
+    io::Write,
+    time::Duration,
+};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use petgraph::graph::NodeIndex;
@@ -11,6 +15,7 @@ use crate::engine::{
     events::{Event, ExportOutcome, Failure, Observer, Outcome},
     graph::Graph,
     settings::show_limit,
+    why::{self, Places, Standing, Why},
 };
 
 /// How much is shown.
@@ -30,6 +35,9 @@ pub struct Progress {
     live: Option<Live>,
     /// Names are padded to this width.
     width: usize,
+    places: Places,
+    /// Why instances ran so far, by name: what comes later says what it comes from.
+    whys: HashMap<String, Why>,
 }
 
 /// The moving part at the bottom of a terminal.
@@ -50,7 +58,13 @@ impl Progress {
             total.set_style(ProgressStyle::with_template(template).expect("a valid template"));
             Live { bars, total, running: BTreeMap::new() }
         });
-        Self { detail, live, width: width.unwrap_or(0).min(40) }
+        Self {
+            detail,
+            live,
+            width: width.unwrap_or(0).min(40),
+            places: Places::default(),
+            whys: HashMap::new(),
+        }
     }
 
     /// Takes the moving part away.
@@ -86,7 +100,11 @@ impl Progress {
         match outcome {
             Outcome::Ran { wall, reason, notes } if self.detail != Detail::Quiet => {
                 let time = show_duration(*wall);
-                self.line("ran", style::GOOD, &format!("{padded}  {time:>8}  {reason}"));
+                let why = Why::of(graph, index, reason, &self.places);
+                let look_up = |id: &str| self.whys.get(id).map(|it| Standing::Runs(it.clone()));
+                let text = why::headline(&why, &look_up);
+                self.line("ran", style::GOOD, &format!("{padded}  {time:>8}  {text}"));
+                self.whys.insert(id.clone(), why);
                 for note in notes {
                     self.line("note", style::NOTE, &format!("{id}: {note}"));
                 }

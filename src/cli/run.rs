@@ -29,7 +29,7 @@ use crate::engine::{
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    pipeline: PipelineArgs,
+    pub pipeline: PipelineArgs,
 
     /// Nodes to bring up to date with all they need; all if none is named
     nodes: Vec<String>,
@@ -71,12 +71,18 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
-    let graph = args.pipeline.load()?;
+    run_graph(&args.pipeline.load()?, args, ui)
+}
+
+/// Runs a pipeline that has been read.
+pub fn run_graph(graph: &Graph, args: &Args, ui: &Ui) -> Result<Exit, Failure> {
+    let store =
+        if args.read_only_cache { args.store.open_read_only()? } else { args.store.open()? };
     let options = RunOptions {
         threads: args.jobs.unwrap_or_else(available_threads).max(1),
         memory: args.mem.unwrap_or_else(default_memory),
-        targets: common::select_all(&graph, &args.nodes)?,
-        forced: common::select_all(&graph, &args.force)?.into_iter().collect(),
+        targets: common::select_all(graph, &args.nodes)?,
+        forced: common::select_all(graph, &args.force)?.into_iter().collect(),
         fail_fast: args.fail_fast,
         surroundings: Surroundings {
             mirrors: args.mirror.clone(),
@@ -84,17 +90,15 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
             isolated: false,
         },
         output_dir: args.out.clone(),
-        run_id: record::new_run_id(),
+        run_id: record::new_run_id(store.dir()),
         worker: Some(this_program()),
         stop: signals::stop_requests()
             .map_err(|e| Failure::environment(format_args!("cannot listen for Ctrl-C: {e}")))?,
     };
-    let store =
-        if args.read_only_cache { args.store.open_read_only()? } else { args.store.open()? };
-    let start = run_start(&graph, &options);
-    let mut watch = Watch::new(&graph, &store, &start, ui);
-    let report = run::run(&graph, &crate::LIBRARY, &store, &options, &mut watch);
-    watch.end(&report, &graph, args, ui, &options.run_id);
+    let start = run_start(graph, &options);
+    let mut watch = Watch::new(graph, &store, &start, ui);
+    let report = run::run(graph, &crate::LIBRARY, &store, &options, &mut watch);
+    watch.end(&report, graph, args, ui, &options.run_id);
     exit_code(&report, &store)
 }
 
@@ -149,7 +153,7 @@ fn print_line(line: &record::Line) {
 }
 
 /// This very program, also when its file has been replaced meanwhile.
-fn this_program() -> WorkerProgram {
+pub fn this_program() -> WorkerProgram {
     WorkerProgram { path: "/proc/self/exe".into(), args: vec!["worker".to_owned()] }
 }
 
@@ -188,12 +192,12 @@ fn run_start(graph: &Graph, options: &RunOptions) -> RunStart {
     }
 }
 
-fn available_threads() -> usize {
+pub fn available_threads() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// Half of the machine's memory.
-fn default_memory() -> u64 {
+pub fn default_memory() -> u64 {
     // SAFETY: plain system calls without memory.
     let (pages, size) =
         unsafe { (libc::sysconf(libc::_SC_PHYS_PAGES), libc::sysconf(libc::_SC_PAGESIZE)) };

@@ -1,10 +1,11 @@
 //! What a run tells those who watch it: the terminal, the record, machines.
 
-use std::time::Duration;
+use std::{collections::BTreeMap, time::Duration};
 
 use petgraph::graph::NodeIndex;
 
 use super::{
+    artifact::AnyArtifact,
     digest::Digest,
     graph::Graph,
     plan::{Outputs, Reason},
@@ -144,6 +145,9 @@ pub enum ExportOutcome {
 /// Somebody who watches a run. Called by one thread at a time.
 pub trait Observer {
     fn event(&mut self, graph: &Graph, event: &Event<'_>);
+
+    /// An instance ran, and these are the artifacts that it made; told before it is finished.
+    fn made(&mut self, _instance: NodeIndex, _artifacts: &BTreeMap<&'static str, AnyArtifact>) {}
 }
 
 /// Watches nothing.

@@ -53,7 +53,7 @@ pub struct Instance {
     pub settings: NodeSettings,
     /// Where the node is declared.
     pub place: Place,
-    /// Where its parameters and wires are written.
+    /// Where its parameters and wires are written: for a `${}`, where its value is.
     pub field_places: Arc<BTreeMap<String, Place>>,
 }
 
@@ -103,8 +103,18 @@ impl Graph {
     /// `file:line` of a place.
     pub fn show_place(&self, place: &Place) -> String {
         let source = &self.sources[place.source];
+        if source.is_setting() {
+            return format!("{} {}", source.path.display(), source.text);
+        }
         let line = source.text[..place.span.start].matches('\n').count() + 1;
         format!("{}:{line}", source.path.display())
+    }
+}
+
+impl Source {
+    /// Whether it is no file but a `--set` of the command line.
+    pub fn is_setting(&self) -> bool {
+        self.path.as_os_str() == "--set"
     }
 }
 

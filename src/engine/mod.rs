@@ -3,6 +3,7 @@
 pub mod artifact;
 pub mod cancel;
 pub mod clock;
+pub mod compare;
 pub mod digest;
 pub mod events;
 pub mod file_digests;
@@ -23,3 +24,5 @@ pub mod store;
 pub mod tensors;
 #[doc(hidden)]
 pub mod toy;
+pub mod verify;
+pub mod why;

@@ -22,6 +22,8 @@ use super::{
 pub trait Memory {
     fn entry(&self, key: &Digest) -> Option<Arc<Entry>>;
     fn has_object(&self, digest: &Digest) -> bool;
+    /// Whether an object that is no longer there was found damaged.
+    fn was_damaged(&self, digest: &Digest) -> bool;
     /// The key that this instance had when its pipeline was run last.
     fn last_key(&self, instance: &str) -> Option<Digest>;
     /// # Errors
@@ -60,6 +62,10 @@ impl Memory for PipelineMemory<'_> {
 
     fn has_object(&self, digest: &Digest) -> bool {
         self.store.has_object(digest)
+    }
+
+    fn was_damaged(&self, digest: &Digest) -> bool {
+        self.store.was_damaged(digest)
     }
 
     fn last_key(&self, instance: &str) -> Option<Digest> {
@@ -216,23 +222,39 @@ pub enum Reason {
     New,
     /// Its key is not the one that it had last.
     Changed(Vec<Difference>),
+    /// Its key is not the one that it had last, and what that was made from is no longer stored.
+    Replaced,
+    /// Its key is the one that it had last, but the result was removed from the store.
+    Removed,
     /// Its result is known, but the artifact at this port was removed from the store.
     Evicted { port: &'static str },
+    /// Its result is known, but the artifact at this port was found damaged.
+    Damaged { port: &'static str },
     /// The user asked for it.
     Forced,
 }
 
 impl Reason {
-    /// Why a key that is not stored is not: compares it with the last one of the instance.
-    pub fn of_miss(key: &Key, instance: &str, memory: &dyn Memory) -> Self {
-        let old = memory.last_key(instance).and_then(|it| memory.entry(&it));
+    /// Why a key (with its digest) that is not stored is not: compares it with the last one of the
+    /// instance.
+    pub fn of_miss(key: &Key, digest: &Digest, instance: &str, memory: &dyn Memory) -> Self {
+        let Some(last) = memory.last_key(instance) else { return Self::New };
+        if last == *digest {
+            return Self::Removed;
+        }
+        let old = memory.entry(&last);
         match old.and_then(|it| serde_json::from_str::<Key>(&it.key).ok()) {
             Some(old) => match key.differences(&old) {
-                differences if differences.is_empty() => Self::New,
+                differences if differences.is_empty() => Self::Replaced,
                 differences => Self::Changed(differences),
             },
-            None => Self::New,
+            None => Self::Replaced,
         }
+    }
+
+    /// Why a result has to be made again whose artifact at a port is not there.
+    pub fn of_loss(port: &'static str, artifact: &Digest, memory: &dyn Memory) -> Self {
+        if memory.was_damaged(artifact) { Self::Damaged { port } } else { Self::Evicted { port } }
     }
 }
 
@@ -244,7 +266,12 @@ impl std::fmt::Display for Reason {
                 let texts: Vec<String> = differences.iter().map(ToString::to_string).collect();
                 f.write_str(&texts.join(", "))
             }
+            Self::Replaced => f.write_str(
+                "its key is another one than last time; what that was made from is no longer stored",
+            ),
+            Self::Removed => f.write_str("its result is no longer in the store"),
             Self::Evicted { port } => write!(f, "`{port}` is no longer in the store"),
+            Self::Damaged { port } => write!(f, "`{port}` was damaged in the store"),
             Self::Forced => f.write_str("forced"),
         }
     }
@@ -332,7 +359,7 @@ pub fn plan(
         } else if forced.contains(&index) {
             Status::Run { key: digest, reason: Reason::Forced }
         } else {
-            let reason = Reason::of_miss(&key, &instance.id(), memory);
+            let reason = Reason::of_miss(&key, &digest, &instance.id(), memory);
             Status::Run { key: digest, reason }
         };
         keys[index.index()] = Some(key);
@@ -357,8 +384,9 @@ fn plan_evicted(
                 needed.contains(&PortRef { instance: index, port })
                     && !memory.has_object(&info.digest)
             });
-            let Some((port, _)) = lost else { continue };
-            statuses[index.index()] = Status::Run { key, reason: Reason::Evicted { port } };
+            let Some((port, info)) = lost else { continue };
+            let reason = Reason::of_loss(port, &info.digest, memory);
+            statuses[index.index()] = Status::Run { key, reason };
         }
         if matches!(statuses[index.index()], Status::Run { .. } | Status::Follows { .. }) {
             needed.extend(graph.instances[index].inputs.values().flatten());

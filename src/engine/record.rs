@@ -20,10 +20,14 @@ use super::{
     events::{Event, ExportOutcome, Failure, Observer, Outcome, RunReport},
     graph::Graph,
     plan::Outputs,
+    why::{Places, Why},
 };
 
-/// Raise it when a line changes its meaning.
-pub const RECORD_VERSION: u32 = 1;
+/// Raise it when a line changes its meaning. Fields are only added, so that old records stay
+/// readable; what a reader does not know it passes over.
+///
+/// 2: `node_start` has `why`, the reason as data.
+pub const RECORD_VERSION: u32 = 2;
 
 /// One line of a record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -35,12 +39,7 @@ pub enum Line {
         nodes: usize,
         cached: usize,
     },
-    NodeStart {
-        t: f64,
-        node: String,
-        threads: usize,
-        reason: String,
-    },
+    NodeStart(NodeStart),
     NodeProgress {
         t: f64,
         node: String,
@@ -110,6 +109,18 @@ pub struct SourceText {
     pub text: String,
 }
 
+/// An instance begins to run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NodeStart {
+    /// Seconds since the start of the run.
+    pub t: f64,
+    pub node: String,
+    pub threads: usize,
+    pub reason: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub why: Option<Why>,
+}
+
 /// How it ended for one instance.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NodeDone {
@@ -132,11 +143,12 @@ pub struct NodeDone {
 /// Turns events into lines.
 pub struct Liner {
     start: Instant,
+    places: Places,
 }
 
 impl Liner {
     pub fn new(start: Instant) -> Self {
-        Self { start }
+        Self { start, places: Places::default() }
     }
 
     /// Seconds since the start of the run, to microseconds.
@@ -152,9 +164,13 @@ impl Liner {
             Event::Planned { n_wanted, n_cached } => {
                 Line::Planned { t, nodes: n_wanted, cached: n_cached }
             }
-            Event::Started { instance, threads, reason } => {
-                Line::NodeStart { t, node: id(instance), threads, reason: reason.to_string() }
-            }
+            Event::Started { instance, threads, reason } => Line::NodeStart(NodeStart {
+                t,
+                node: id(instance),
+                threads,
+                reason: reason.to_string(),
+                why: Some(Why::of(graph, instance, reason, &self.places)),
+            }),
             Event::Progress { instance, fraction, text } => {
                 Line::NodeProgress { t, node: id(instance), fraction, text: text.to_owned() }
             }
@@ -260,7 +276,9 @@ impl Recorder {
         if let Err(error) = &file {
             tracing::warn!(path = %path.display(), %error, "the run is not recorded");
         }
-        let file = file.ok().map(|it| BufWriter::with_capacity(1 << 16, it));
+        // Tells readers that the run is going on; it dies with the process.
+        let file = file.ok().inspect(|it| drop(it.try_lock()));
+        let file = file.map(|it| BufWriter::with_capacity(1 << 16, it));
         let mut res = Self { liner: Liner::new(Instant::now()), file };
         res.write(&Line::RunStart(start.clone()), true);
         res
@@ -310,7 +328,7 @@ pub struct Record {
 }
 
 impl Record {
-    /// Reads a record. A torn last line is left out.
+    /// Reads a record. Lines that are torn, or that a later version has added, are left out.
     ///
     /// # Errors
     /// If the file cannot be read or does not begin as a record.
@@ -327,12 +345,37 @@ impl Record {
         };
         let mut res = Self { start, lines: Vec::new() };
         for line in lines {
-            match serde_json::from_str(&line?) {
-                Ok(line) => res.lines.push(line),
-                Err(_) => break,
-            }
+            // What is no text any more is no line either: the rest of the record may be sound.
+            let line = match line {
+                Ok(line) => line,
+                Err(error) if error.kind() == io::ErrorKind::InvalidData => continue,
+                Err(error) => return Err(error),
+            };
+            res.lines.extend(serde_json::from_str::<Line>(&line));
         }
         Ok(res)
+    }
+
+    /// What happened to an instance; the last time counts if it ran twice.
+    pub fn node(&self, id: &str) -> Option<&NodeDone> {
+        self.lines.iter().rev().find_map(|it| match it {
+            Line::NodeDone(node) if node.node == id => Some(node),
+            _ => None,
+        })
+    }
+
+    /// Why instances ran, by their names.
+    pub fn whys(&self) -> BTreeMap<&str, &Why> {
+        let starts = self.lines.iter().filter_map(|it| match it {
+            Line::NodeStart(start) => Some((start.node.as_str(), start.why.as_ref()?)),
+            _ => None,
+        });
+        starts.collect()
+    }
+
+    /// How the run ended; `None` if it did not.
+    pub fn done(&self) -> Option<&Line> {
+        self.lines.iter().rev().find(|it| matches!(it, Line::RunDone { .. }))
     }
 
     /// The instances that ended, in this order.
@@ -344,7 +387,69 @@ impl Record {
     }
 }
 
+/// Whether the run of a record is going on: its process holds a lock on the file.
+pub fn is_going_on(path: &Path) -> bool {
+    let locked = |it: File| matches!(it.try_lock_shared(), Err(fs::TryLockError::WouldBlock));
+    File::open(path).is_ok_and(locked)
+}
+
+/// The name of the run that a record tells of.
+pub fn name(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Why a name names no run.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum FindError {
+    #[error("there is no run `{name}`{}", hint(.runs))]
+    None { name: String, runs: Vec<String> },
+    #[error("there are several runs `{name}…`: `{}`", .runs.join("`, `"))]
+    Several { name: String, runs: Vec<String> },
+}
+
+fn hint(runs: &[String]) -> String {
+    match runs {
+        [] => ": there is none at all".to_owned(),
+        runs => format!(": the last ones are `{}`", runs.join("`, `")),
+    }
+}
+
+/// The record of a run: `last` (or `latest`), `last~2` for the second one before it, or the beginning
+/// of a name that no other run shares.
+///
+/// # Errors
+/// With the runs that could be meant.
+pub fn find(store: &Path, name: &str) -> Result<PathBuf, FindError> {
+    let paths = list(store);
+    let (base, back) = name.split_once('~').unwrap_or((name, "0"));
+    if let ("last" | "latest", Ok(back)) = (base, back.parse::<usize>()) {
+        return paths.get(back).cloned().ok_or_else(|| none(name, &paths));
+    }
+    let mut found: Vec<&PathBuf> =
+        paths.iter().filter(|it| self::name(it).starts_with(name)).collect();
+    if let Some(exact) = found.iter().find(|it| self::name(it) == name) {
+        return Ok((*exact).clone());
+    }
+    found.truncate(6);
+    match found[..] {
+        [] => Err(none(name, &paths)),
+        [one] => Ok(one.clone()),
+        _ => Err(FindError::Several {
+            name: name.to_owned(),
+            runs: found.iter().map(|it| self::name(it)).collect(),
+        }),
+    }
+}
+
+fn none(name: &str, paths: &[PathBuf]) -> FindError {
+    let runs = paths.iter().take(4).map(|it| self::name(it)).collect();
+    FindError::None { name: name.to_owned(), runs }
+}
+
 /// The paths of all records in a store's folder, newest first.
+///
+/// By name: names grow ([`new_run_id`]), while files may be copied, touched, or come from a machine
+/// with another clock.
 pub fn list(store: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(store.join("runs")).into_iter().flatten().flatten();
     let mut paths: Vec<PathBuf> = entries
@@ -357,8 +462,53 @@ pub fn list(store: &Path) -> Vec<PathBuf> {
 }
 
 /// A name for a run that starts now: its time, and something that tells it from others.
-pub fn new_run_id() -> String {
+///
+/// The newest run always has the greatest name. If the clock was turned back, or two runs start in
+/// one second, a number that is one greater than that of the newest run tells which came later.
+pub fn new_run_id(store: &Path) -> String {
     let now = SystemTime::now();
     let salt = format!("{now:?} {}", std::process::id());
-    format!("{}-{}", clock::compact_utc(now), &Digest::of(salt.as_bytes()).to_string()[..4])
+    let salt = &Digest::of(salt.as_bytes()).to_string()[..4];
+    let newest = list(store).first().map(|it| name(it)).unwrap_or_default();
+    next_name(&clock::compact_utc(now), salt, &newest)
+}
+
+/// The name for a time that sorts after the newest one.
+fn next_name(time: &str, salt: &str, newest: &str) -> String {
+    let is_time = |it: &&str| it.bytes().all(|it| it.is_ascii_digit() || it == b'-');
+    let newest_time = newest.get(..time.len()).filter(is_time).filter(|it| *it >= time);
+    let Some(newest_time) = newest_time else { return format!("{time}-{salt}") };
+    // `x` sorts after the hexadecimal digits of a salt.
+    let counted = newest[time.len()..].strip_prefix("-x").and_then(|it| it.split('-').next());
+    let number = counted.and_then(|it| it.parse::<u32>().ok()).unwrap_or(0) + 1;
+    format!("{newest_time}-x{number:04}-{salt}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_runs_grow_whatever_the_clock_does() {
+        let times = [
+            "20260101-000000",
+            "20260101-000000",
+            "20260101-000000",
+            "20991231-235959",
+            "20260101-000001",
+            "20260101-000002",
+        ];
+        let mut names = vec![String::new()];
+        for (index, time) in times.iter().enumerate() {
+            // Salts that do not help: the later, the smaller.
+            let salt = format!("{:04x}", 0xffff - index);
+            names.push(next_name(time, &salt, names.last().unwrap()));
+        }
+        assert!(names.is_sorted_by(|a, b| a < b), "{names:?}");
+        assert_eq!(names[1], "20260101-000000-ffff");
+        assert_eq!(
+            next_name("20260101-000000", "abcd", "zz-not-named-by-us"),
+            "20260101-000000-abcd"
+        );
+    }
 }

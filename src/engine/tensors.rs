@@ -189,6 +189,40 @@ pub struct RawArray<'a> {
     pub bytes: &'a [u8],
 }
 
+impl RawArray<'_> {
+    /// How many numbers there are.
+    pub fn len(&self) -> usize {
+        self.bytes.len() / self.dtype.size()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.bytes.is_empty()
+    }
+
+    /// One number, whatever its type.
+    ///
+    /// # Panics
+    /// If there are not as many numbers.
+    pub fn number(&self, index: usize) -> f64 {
+        let size = self.dtype.size();
+        let bytes = &self.bytes[index * size..(index + 1) * size];
+        macro_rules! read {
+            ($ty:ty) => {
+                <$ty>::from_le_bytes(bytes.try_into().expect("as long as the type")) as f64
+            };
+        }
+        match self.dtype {
+            Dtype::F64 => read!(f64),
+            Dtype::I64 => read!(i64),
+            Dtype::U64 => read!(u64),
+            Dtype::F32 => read!(f32),
+            Dtype::U32 => read!(u32),
+            Dtype::U16 => read!(u16),
+            Dtype::U8 => read!(u8),
+        }
+    }
+}
+
 /// Reads the arrays and texts of one artifact. Checks every offset, so that garbage is refused.
 pub struct Decoder<'a> {
     arrays: Vec<(String, RawArray<'a>)>,

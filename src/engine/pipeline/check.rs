@@ -250,7 +250,10 @@ impl Checker<'_> {
             draft
                 .fields
                 .iter()
-                .map(|it| (it.key.name.to_string(), it.value.place.clone()))
+                .map(|it| {
+                    let written = it.value.origin.as_ref().unwrap_or(&it.value.place);
+                    (it.key.name.to_string(), written.clone())
+                })
                 .collect(),
         );
         let is_constant = draft.fields.iter().all(|it| it.value.is_constant());

@@ -20,6 +20,7 @@ mod log;
 mod objects;
 
 use std::{
+    collections::HashSet,
     fs::{self, File},
     io,
     path::{Path, PathBuf},
@@ -112,6 +113,8 @@ pub struct Store {
     access: Access,
     log: Mutex<Log>,
     claims: Option<Arc<Claims>>,
+    /// Objects that were found damaged while the store was open.
+    damaged: Mutex<HashSet<Digest>>,
     /// Held, shared, as long as the store is open.
     _lock: Option<File>,
 }
@@ -149,7 +152,14 @@ impl Store {
             }
         };
         let log = Log::open(&dir.join("log"))?;
-        Ok(Self { dir: dir.to_owned(), access, log: Mutex::new(log), claims, _lock: lock })
+        Ok(Self {
+            dir: dir.to_owned(),
+            access,
+            log: Mutex::new(log),
+            claims,
+            damaged: Mutex::default(),
+            _lock: lock,
+        })
     }
 
     pub fn dir(&self) -> &Path {
@@ -188,15 +198,33 @@ impl Store {
     /// # Errors
     /// If it is missing or damaged. A damaged object is set aside, so that it is made again.
     pub fn object(&self, ty: ArtifactType, digest: &Digest) -> Result<Bytes, ObjectError> {
-        if let Some(bytes) = self.log().get(RecordKind::Object, digest) {
-            let bytes = Bytes::Owned(bytes);
-            if super::artifact::digest_of(ty, &bytes) == *digest {
-                return Ok(bytes);
-            }
-            self.log().forget(RecordKind::Object, digest);
-            return Err(ObjectError::Damaged { path: self.dir.join("log"), digest: *digest });
+        let res = self.read_object(ty, digest);
+        if matches!(res, Err(ObjectError::Damaged { .. })) {
+            self.damaged.lock().expect("nobody panics while holding it").insert(*digest);
         }
-        objects::read(&self.dir, self.access, ty, digest)
+        res
+    }
+
+    fn read_object(&self, ty: ArtifactType, digest: &Digest) -> Result<Bytes, ObjectError> {
+        let mut log = self.log();
+        if !log.has(RecordKind::Object, digest) {
+            drop(log);
+            return objects::read(&self.dir, self.access, ty, digest);
+        }
+        let bytes = log.get(RecordKind::Object, digest);
+        match bytes.filter(|it| super::artifact::digest_of(ty, it) == *digest) {
+            Some(bytes) => Ok(Bytes::Owned(bytes)),
+            None => {
+                log.forget(RecordKind::Object, digest);
+                Err(ObjectError::Damaged { path: self.dir.join("log"), digest: *digest })
+            }
+        }
+    }
+
+    /// Whether an object was found damaged and set aside, by this process or an earlier one.
+    pub fn was_damaged(&self, digest: &Digest) -> bool {
+        self.damaged.lock().expect("nobody panics while holding it").contains(digest)
+            || objects::path(&self.dir, digest).with_extension("damaged").exists()
     }
 
     /// The file of an object that [`Store::object`] has mapped.

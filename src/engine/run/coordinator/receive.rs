@@ -151,8 +151,12 @@ impl<'a> Coordinator<'a> {
         }
         let key = self.key_digest(index);
         self.in_flight.remove(&key);
+        self.observer.made(index, &live);
         self.store_result(index, &outputs, &live, objects, wall, &notes);
         let followers = std::mem::take(&mut self.slots[index].followers);
+        for &follower in &followers {
+            self.observer.made(follower, &live);
+        }
         for &instance in followers.iter().chain([&index]) {
             self.keep_live(instance, &outputs, &live);
         }

@@ -48,7 +48,7 @@ impl<'a> Coordinator<'a> {
                 self.slots[index].reason = if forced {
                     Reason::Forced
                 } else {
-                    Reason::of_miss(&key, &instance.id(), &self.memory)
+                    Reason::of_miss(&key, &digest, &instance.id(), &self.memory)
                 };
                 self.slots[index].key = Some((digest, key));
                 self.start_work(index);

@@ -127,8 +127,10 @@ impl<'a> Coordinator<'a> {
             tracing::warn!(%error, "cannot see what other processes store");
             return false;
         }
-        let wanted_again =
-            matches!(self.slots[index].reason, Reason::Evicted { .. } | Reason::Forced);
+        let wanted_again = matches!(
+            self.slots[index].reason,
+            Reason::Evicted { .. } | Reason::Damaged { .. } | Reason::Forced
+        );
         let Some(outputs) = self.stored_outputs(index, key).filter(|_| !wanted_again) else {
             return false;
         };
