@@ -17,6 +17,7 @@ mod skeleton;
 mod sparse;
 mod spectral_regressor;
 mod table;
+mod text;
 mod weights;
 
 use crate::engine::{
@@ -47,8 +48,15 @@ pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::skeleton::Skeleton>(),
     ArtifactKind::of::<kernels::regressor::SpectralRegressor>(),
     ArtifactKind::of::<kernels::table::Table>(),
+    ArtifactKind::of::<kernels::text::Text>(),
     ArtifactKind::of::<kernels::weights::SkinWeights>(),
 ];
+
+/// The type of this name.
+pub fn kind(name: &str) -> Option<&'static ArtifactKind> {
+    let index = ALL.binary_search_by(|it| it.ty.name.cmp(name)).ok()?;
+    Some(&ALL[index])
+}
 
 /// Formats that hold the arrays of any artifact.
 pub static COMMON_FORMATS: &[CommonFormat] = &[
@@ -75,7 +83,7 @@ fn npz(decoder: &Decoder<'_>) -> Vec<u8> {
                 Dtype::U16 => "<u2",
                 Dtype::U8 => "|u1",
             };
-            NpyArray { name, dtype, shape: &it.shape, bytes: it.bytes }
+            NpyArray { name, dtype, shape: &it.shape, bytes: &it.bytes }
         })
         .collect();
     write_npz(&arrays)

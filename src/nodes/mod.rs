@@ -3,6 +3,7 @@
 use crate::engine::node::NodeKind;
 
 mod clean;
+mod command;
 mod decimate;
 mod descriptors;
 mod download;
@@ -14,6 +15,7 @@ mod laplacian;
 mod load;
 mod make_body;
 mod normalize;
+mod python;
 mod regressor;
 mod rig;
 mod snapshot;
@@ -28,6 +30,7 @@ mod zoomout;
 /// Every kind. Keep sorted by name.
 pub static ALL: &[NodeKind] = &[
     NodeKind::of::<clean::Clean>(),
+    NodeKind::open::<command::Command>(),
     NodeKind::of::<decimate::Decimate>(),
     NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
@@ -39,6 +42,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<load::Load>(),
     NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<normalize::Normalize>(),
+    NodeKind::open::<python::Python>(),
     NodeKind::of::<regressor::RegressorNode>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<snapshot::Snapshot>(),

@@ -11,6 +11,7 @@ use super::{
     diagnostic::{Diagnostic, Problems},
     gather::{self, Gather},
     nearest::{nearest, suggest},
+    open_ports,
     parse::{self, Document, NodeTable},
     sources::Sources,
     substitute::{self, Names, Params},
@@ -211,6 +212,7 @@ impl Expander<'_> {
         scope: usize,
         prefix: &str,
     ) -> Target {
+        let (kind, mut fields) = open_ports::declared(kind, fields, self.library, self.problems);
         let gather = gather::take(&mut fields, kind, self.problems);
         self.res.drafts.push(Draft {
             name: format!("{prefix}{}", node.name.name).into(),

@@ -135,7 +135,9 @@ fn run_node(
     let run = || {
         let labels = instance.input_labels.clone();
         let files = instance.files.clone();
-        let mut io = NodeIo::new(spec, artifacts, labels, files, surroundings, &progress);
+        let stored_file = |digest: &Digest| context.store.object_file(digest);
+        let mut io = NodeIo::new(spec, artifacts, labels, files, surroundings, &progress)
+            .with_stored_files(&stored_file);
         instance.node.run(&mut io)?;
         Ok(io.finish())
     };

@@ -181,6 +181,11 @@ impl Store {
         self.log().has(RecordKind::Object, digest) || objects::path(&self.dir, digest).is_file()
     }
 
+    /// The file of an object, if it has one of its own.
+    pub fn object_file(&self, digest: &Digest) -> Option<PathBuf> {
+        Some(objects::path(&self.dir, digest)).filter(|it| it.is_file())
+    }
+
     /// The bytes of an object, checked against its digest.
     ///
     /// # Errors
@@ -268,6 +273,8 @@ pub enum Note {
     LastKey,
     /// About a path in the user's folder: what was written there.
     Exported,
+    /// About a question to the machine: the answer, and what it was read from.
+    Facts,
 }
 
 impl Note {
@@ -276,6 +283,7 @@ impl Note {
             Self::FileDigest => RecordKind::FileDigest,
             Self::LastKey => RecordKind::LastKey,
             Self::Exported => RecordKind::Exported,
+            Self::Facts => RecordKind::Facts,
         }
     }
 }
