@@ -4,7 +4,7 @@ use std::{
     fs,
     os::unix::fs::PermissionsExt,
     path::{Path, PathBuf},
-    process::{Command, Output},
+    program::{Command, Output},
     time::{Duration, Instant},
 };
 
@@ -155,7 +155,7 @@ fn the_environment_is_what_is_declared() {
     let mut names: Vec<&str> = text.lines().filter_map(|it| Some(it.split_once('=')?.0)).collect();
     names.sort_unstable();
     let mut expected = vec!["HOME", "PATH", "TMPDIR", "MINE"];
-    expected.extend(sinew::engine::process::FIXED.map(|it| it.0));
+    expected.extend(sinew::engine::program::FIXED.map(|it| it.0));
     expected.sort_unstable();
     assert_eq!(names, expected);
     assert!(text.contains("MINE=declared\n") && text.contains("OMP_NUM_THREADS=4\n"), "{text}");

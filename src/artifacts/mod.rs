@@ -9,6 +9,7 @@ mod image;
 mod landmarks;
 mod matrix;
 mod mesh;
+mod npz;
 mod operator;
 mod point_map;
 mod regressor;
@@ -21,7 +22,7 @@ mod text;
 mod weights;
 
 use crate::engine::{
-    artifact::{ArtifactKind, Decoder, Dtype, Format},
+    artifact::{AnyArtifact, ArtifactKind, Decoder, Dtype, Format},
     library::CommonFormat,
 };
 use crate::kernels::{
@@ -56,6 +57,25 @@ pub static ALL: &[ArtifactKind] = &[
 pub fn kind(name: &str) -> Option<&'static ArtifactKind> {
     let index = ALL.binary_search_by(|it| it.ty.name.cmp(name)).ok()?;
     Some(&ALL[index])
+}
+
+/// Extensions of files with the arrays of any artifact that [`import`] reads.
+pub const COMMON_IMPORTS: [&str; 2] = ["npz", "safetensors"];
+
+/// Reads an artifact of a type from a file that another program wrote, by its extension: one of
+/// [`COMMON_IMPORTS`], or one of the type's own. Returns the artifact and the bytes to store.
+///
+/// # Errors
+/// If the file does not hold an artifact of this type.
+pub fn import(
+    kind: &ArtifactKind,
+    extension: &str,
+    bytes: &[u8],
+) -> Result<(AnyArtifact, Vec<u8>), String> {
+    match extension {
+        "npz" => kind.import("safetensors", &npz::tensors_of_npz(bytes)?),
+        _ => kind.import(extension, bytes),
+    }
 }
 
 /// Formats that hold the arrays of any artifact.

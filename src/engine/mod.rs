@@ -13,7 +13,7 @@ pub mod node;
 pub mod params;
 pub mod pipeline;
 pub mod plan;
-pub mod process;
+pub mod program;
 pub mod record;
 pub mod reference;
 pub mod run;

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::engine::artifact::ArtifactType;
 use crate::engine::node::{Arity, InputFile, Node, NodeError, NodeIo, Output, Question, Spec};
-use crate::engine::process::{self, End, Printed, Program, Tail};
+use crate::engine::program::{self, End, Printed, Program, Tail};
 use crate::kernels::text::Text;
 
 mod folder;
@@ -29,8 +29,9 @@ use template::{Part, Slot};
 /// - `{in:PORT.EXT}`: the artifact at this input, written in any format of its type (`sinew nodes` lists
 ///   them), among them `.safetensors` and `.npz` for every type. For a list, one argument each. An input
 ///   of type `files` is a folder: `{in:PORT}`.
-/// - `{out:PORT.EXT}`: where the program writes this output: `.safetensors` with the arrays of the type,
-///   a mesh in any format that `load` reads, a text as `.txt`. `{out:PORT}` is a folder for `files`.
+/// - `{out:PORT.EXT}`: where the program writes this output: `.npz` (of `numpy.savez`) or `.safetensors`
+///   with the arrays and texts of its type, a mesh in any format that `load` reads, a text as `.txt`.
+///   `{out:PORT}` is a folder for `files`.
 /// - `{file:NAME}`: a copy of a declared file, `files/NAME.EXT`; all of them lie in one folder.
 ///
 /// A program that fails, or leaves out an output, fails its node. When it ends, or its time is over,
@@ -315,7 +316,7 @@ impl Command {
         let fill = |text: &str| folder.filled_in(io, text, &self.files);
         let one = |text: &str| fill(text).join(" ");
         let declared = self.env.iter().map(|(name, value)| (name.clone(), one(value))).collect();
-        let environment = process::environment(&declared, &folder.temporary());
+        let environment = program::environment(&declared, &folder.temporary());
         let arguments: Vec<String> = match &self.command {
             CommandLine::Arguments(arguments) => arguments.iter().flat_map(|it| fill(it)).collect(),
             CommandLine::Shell(line) => vec!["sh".to_owned(), "-c".to_owned(), one(line)],
@@ -335,7 +336,7 @@ impl Command {
             None => Stdio::null(),
         };
         let stdout = self.stdout_to.as_ref().map(|it| folder.create(&one(it))).transpose()?;
-        let (end, printed) = process::run(&program, stdin, stdout, &|| false)
+        let (end, printed) = program::run(&program, stdin, stdout, &|| false)
             .map_err(|e| NodeError::environment(format!("cannot start `{name}`: {e}")))?;
         let how = match end {
             End::Exited(0) => return Ok(printed),

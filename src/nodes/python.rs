@@ -13,7 +13,7 @@ use serde_json::{Map, Value as Json, json};
 use crate::engine::node::{
     Arity, InputFile, Node, NodeError, NodeIo, Output, ProgramName, Question, Spec,
 };
-use crate::engine::process;
+use crate::engine::program;
 use crate::kernels::text::Text;
 
 mod handover;
@@ -101,7 +101,7 @@ impl Python {
             }
             false => self.python.0.clone(),
         };
-        (name, process::environment(&self.env, &std::env::temp_dir()))
+        (name, program::environment(&self.env, &std::env::temp_dir()))
     }
 
     /// What an interpreter is made ready for.

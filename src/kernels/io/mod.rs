@@ -9,6 +9,7 @@ pub mod character;
 pub mod error;
 pub mod glb;
 pub mod gltf;
+pub mod npz;
 pub mod obj;
 pub mod off;
 pub mod ply;

@@ -18,7 +18,7 @@ use crate::artifacts;
 use crate::engine::artifact::{AnyArtifact, Artifact};
 use crate::engine::library;
 use crate::engine::node::{InputFile, NodeError, NodeIo};
-use crate::engine::process;
+use crate::engine::program;
 use crate::kernels::files::FileSet;
 
 use super::template::{self, Part, Slot};
@@ -154,7 +154,7 @@ impl Folder {
         environment: &BTreeMap<String, OsString>,
     ) -> Result<PathBuf, NodeError> {
         if !name.contains('/') || name.starts_with('/') {
-            return process::find(name, environment).map_err(NodeError::environment);
+            return program::find(name, environment).map_err(NodeError::environment);
         }
         let path = self.path().join(name);
         let mode = fs::metadata(&path).map(|it| it.permissions().mode());
@@ -200,7 +200,7 @@ impl Folder {
         }
         let bytes = fs::read(&path).map_err(|e| fail(format!("it cannot be read: {e}")))?;
         let kind = artifacts::kind(port.ty.name).expect("checked types are registered");
-        let artifact = kind.import(extension, &bytes).map_err(fail)?;
+        let artifact = artifacts::import(kind, extension, &bytes).map_err(fail)?;
         io.put_any(port.name, artifact);
         Ok(())
     }
@@ -264,7 +264,8 @@ pub fn check_import(ty: &str, extension: &str) -> Result<(), String> {
         return Ok(());
     }
     let own = artifacts::kind(ty).map_or(&[][..], |it| it.imports);
-    let known: Vec<String> = own.iter().chain(&["safetensors"]).map(|&it| it.to_owned()).collect();
+    let known: Vec<String> =
+        own.iter().chain(&artifacts::COMMON_IMPORTS).map(|&it| it.to_owned()).collect();
     check_extension(ty, "is read", extension, &known, is_folder)
 }
 

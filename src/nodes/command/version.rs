@@ -8,7 +8,7 @@ use std::{
 };
 
 use crate::engine::node::{Answer, Facts, Question};
-use crate::engine::process::{self, End, Program};
+use crate::engine::program::{self, End, Program};
 
 /// Longer than any program takes to print its version.
 const TIME_LIMIT: Duration = Duration::from_secs(30);
@@ -24,8 +24,8 @@ pub fn question(arguments: &[String], env: &BTreeMap<String, String>) -> Questio
 fn ask(arguments: &[String], env: &BTreeMap<String, String>) -> Result<Answer, String> {
     let shown = arguments.join(" ");
     let folder = tempfile::tempdir().map_err(|e| format!("cannot make a folder: {e}"))?;
-    let environment = process::environment(env, folder.path());
-    let path = process::find(&arguments[0], &environment)?;
+    let environment = program::environment(env, folder.path());
+    let path = program::find(&arguments[0], &environment)?;
     let program = Program {
         path: path.clone(),
         arguments: arguments.iter().map(Into::into).collect(),
@@ -35,7 +35,7 @@ fn ask(arguments: &[String], env: &BTreeMap<String, String>) -> Result<Answer, S
     };
     let start = Instant::now();
     let is_late = || start.elapsed() > TIME_LIMIT;
-    let (end, printed) = process::run(&program, Stdio::null(), None, &is_late)
+    let (end, printed) = program::run(&program, Stdio::null(), None, &is_late)
         .map_err(|e| format!("cannot start `{shown}`: {e}"))?;
     if end != End::Exited(0) {
         let last = printed.stderr.last_lines(4);
@@ -54,10 +54,10 @@ fn witnesses(
     environment: &BTreeMap<String, std::ffi::OsString>,
 ) -> Option<Vec<std::path::PathBuf>> {
     let is_flag = matches!(arguments, [_, flag] if flag.starts_with('-'));
-    if !is_flag || !process::is_binary(path) {
+    if !is_flag || !program::is_binary(path) {
         return None;
     }
-    let candidates = process::candidates(&arguments[0], environment);
+    let candidates = program::candidates(&arguments[0], environment);
     let n_before = candidates.iter().position(|it| it == path).unwrap_or_default();
     Some(candidates.into_iter().take(n_before + 1).collect())
 }

@@ -19,7 +19,7 @@ use serde_json::{Value as Json, json};
 use tempfile::TempDir;
 
 use crate::engine::node::NodeError;
-use crate::engine::process::{self, End, Printed, Process, Program};
+use crate::engine::program::{self, End, Printed, Process, Program};
 
 /// The other side, in Python.
 pub const HOST: &str = include_str!("host.py");
@@ -63,7 +63,7 @@ impl Interpreter {
     /// If there is none, it has no numpy, or the script fails.
     pub fn start(script: &Script, is_unwanted: &dyn Fn() -> bool) -> Result<Self, NodeError> {
         let name = &script.interpreter;
-        let path = process::find(name, &script.environment).map_err(NodeError::environment)?;
+        let path = program::find(name, &script.environment).map_err(NodeError::environment)?;
         let fail = |e: io::Error| NodeError::environment(format!("cannot start `{name}`: {e}"));
         let folder = tempfile::Builder::new().prefix("sinew-python-").tempdir().map_err(fail)?;
         let mut environment = script.environment.clone();

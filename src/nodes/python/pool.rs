@@ -10,7 +10,7 @@ use serde_json::Value as Json;
 use super::interpreter::{Interpreter, Script};
 use crate::engine::digest::Digest;
 use crate::engine::node::NodeError;
-use crate::engine::process::Printed;
+use crate::engine::program::Printed;
 
 /// Interpreters by what they are made ready for, the one that has waited longest first. When the program
 /// ends, they see the end of their channel and end too.

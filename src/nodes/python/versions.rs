@@ -12,7 +12,7 @@ use serde::Deserialize;
 
 use super::interpreter::HOST;
 use crate::engine::node::{Answer, Facts, Question};
-use crate::engine::process::{self, End, Program};
+use crate::engine::program::{self, End, Program};
 
 /// Longer than any interpreter takes to look around.
 const TIME_LIMIT: Duration = Duration::from_secs(60);
@@ -42,7 +42,7 @@ fn ask(
     environment: &BTreeMap<String, OsString>,
 ) -> Result<Answer, String> {
     let hint = "set `python` to one with the packages, such as `.venv/bin/python`";
-    let path = process::find(interpreter, environment).map_err(|e| format!("{e}; or {hint}"))?;
+    let path = program::find(interpreter, environment).map_err(|e| format!("{e}; or {hint}"))?;
     let folder = tempfile::tempdir().map_err(|e| format!("cannot make a folder: {e}"))?;
     let arguments = [interpreter, "-c", HOST, "facts"].into_iter();
     let program = Program {
@@ -54,7 +54,7 @@ fn ask(
     };
     let start = Instant::now();
     let is_late = || start.elapsed() > TIME_LIMIT;
-    let (end, printed) = process::run(&program, Stdio::null(), None, &is_late)
+    let (end, printed) = program::run(&program, Stdio::null(), None, &is_late)
         .map_err(|e| format!("cannot start `{interpreter}`: {e}"))?;
     if end != End::Exited(0) {
         let last = printed.stderr.last_lines(6);
@@ -72,8 +72,8 @@ fn ask(
         ));
     }
     // A script may start any interpreter (pyenv's do), and nothing tells which one next time.
-    let witnesses = process::is_binary(&path).then(|| {
-        let candidates = process::candidates(interpreter, environment);
+    let witnesses = program::is_binary(&path).then(|| {
+        let candidates = program::candidates(interpreter, environment);
         let n_before = candidates.iter().position(|it| *it == path).unwrap_or_default();
         candidates.into_iter().take(n_before + 1).chain(witnesses).collect()
     });
