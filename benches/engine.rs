@@ -11,7 +11,6 @@
 //! - `revert`: the file of before; no node runs
 
 use std::{
-    collections::BTreeSet,
     fmt::Write,
     fs,
     path::{Path, PathBuf},
@@ -20,7 +19,6 @@ use std::{
 };
 
 use sinew::engine::{
-    node::Surroundings,
     pipeline::{self, Settings},
     record::{self, RECORD_VERSION, Recorder, RunStart},
     run::{self, RunOptions},

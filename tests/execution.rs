@@ -289,7 +289,7 @@ fn a_process_of_its_own_gives_the_same_bytes() {
             // Inputs come from the store.
             let graph = bench.load(text);
             for node in ["length", "sum"] {
-                let forced = BTreeSet::from([graph.find(node).unwrap()]);
+                let forced = BTreeSet::from([graph.select(node)[0]]);
                 let options = RunOptions { forced, ..bench.options(2) };
                 let again = bench.watch(text, &options, &mut diary);
                 assert!(has_run(&again, node) && again["last"] == Outcome::Cached, "{again:#?}");

@@ -284,7 +284,7 @@ fn how_a_node_is_run_is_no_parameter_and_is_handed_to_inner_nodes() {
                  backoff = \"250ms\"\ntimeout = \"${limit}\"\nisolate = { memory = \"1 GB\" }\n";
     let files = [("pipeline.toml", outer), ("inner.toml", inner)];
     let graph = load_from(tempfile::tempdir().unwrap().path(), &files, &["p.retries=7"]);
-    let settings = |node: &str| graph.instances[graph.find(node).unwrap()].settings.clone();
+    let settings = |node: &str| graph.instances[graph.select(node)[0]].settings.clone();
     assert_eq!(settings("one"), NodeSettings::default());
     let given = NodeSettings {
         retries: 7,

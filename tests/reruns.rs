@@ -512,11 +512,10 @@ fn interrupt(child: &mut Child) {
 // ---- computing again, without geometry -----------------------------------------------------------
 
 mod toys {
-    use std::collections::{BTreeMap, BTreeSet};
+    use std::collections::BTreeMap;
 
     use sinew::engine::{
         events::Silent,
-        node::Surroundings,
         run::{self, RunOptions},
         toy::TOY,
         verify::{self, Verdict},
@@ -533,13 +532,9 @@ mod toys {
     fn options(folder: &Path) -> RunOptions {
         RunOptions {
             threads: 2,
-            memory: 1 << 30,
-            targets: Vec::new(),
-            forced: BTreeSet::new(),
-            fail_fast: false,
-            surroundings: Surroundings::default(),
             output_dir: folder.to_owned(),
             run_id: "test".to_owned(),
+            ..RunOptions::default()
         }
     }
 

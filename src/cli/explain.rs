@@ -126,6 +126,9 @@ fn print_key(key: &Key) {
     for (name, digest) in &key.files {
         println!("{:>12}file `{name}`  {}", "", digest.short());
     }
+    for (name, fact) in &key.facts {
+        println!("{:>12}fact `{name}`  {fact}", "");
+    }
     for (port, digests) in &key.inputs {
         let list: Vec<String> = digests
             .iter()

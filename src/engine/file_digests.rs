@@ -40,7 +40,7 @@ pub fn digest(store: &Store, path: &Path) -> io::Result<Digest> {
 
 /// A file that was changed a moment ago may be changed again within the clock's resolution, and
 /// would then look the same.
-fn is_settled(meta: &fs::Metadata) -> bool {
+pub fn is_settled(meta: &fs::Metadata) -> bool {
     let changed = meta.modified().unwrap_or_else(|_| SystemTime::now());
     SystemTime::now().duration_since(changed).is_ok_and(|it| it > Duration::from_secs(2))
 }

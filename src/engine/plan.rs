@@ -1,16 +1,17 @@
 //! What would run, and why. Pure: a graph, what is stored, and nothing else.
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::{BTreeMap, BTreeSet, HashMap},
     io,
     path::{Path, PathBuf},
-    sync::Arc,
+    sync::{Arc, Mutex},
 };
 
 use petgraph::{Direction, graph::NodeIndex};
 
 use super::{
     digest::Digest,
+    facts::{self, Facts, Question},
     file_digests,
     graph::{Graph, Instance, Labels, PortRef},
     key::{Difference, Key, KeyInputs},
@@ -29,6 +30,11 @@ pub trait Memory {
     /// # Errors
     /// If the file cannot be read.
     fn file_digest(&self, path: &Path) -> io::Result<Digest>;
+    /// The answer to a node's question, remembered or asked now.
+    ///
+    /// # Errors
+    /// With a message for the user, if the machine cannot answer.
+    fn facts(&self, question: &Question) -> Result<Facts, String>;
 }
 
 /// A store, as one pipeline sees it.
@@ -36,13 +42,15 @@ pub struct PipelineMemory<'a> {
     pub store: &'a Store,
     /// Tells one pipeline's instances from another's: the absolute path of its file.
     pub pipeline: PathBuf,
+    /// Answers to the questions of this run, so that it sees the machine in one state.
+    facts: Mutex<HashMap<Digest, Result<Facts, String>>>,
 }
 
 impl<'a> PipelineMemory<'a> {
     pub fn new(store: &'a Store, graph: &Graph) -> Self {
         let path = graph.sources.first().map(|it| it.path.as_path()).unwrap_or(Path::new(""));
         let pipeline = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        Self { store, pipeline }
+        Self { store, pipeline, facts: Mutex::default() }
     }
 
     /// What the last key of an instance is remembered by.
@@ -75,6 +83,12 @@ impl Memory for PipelineMemory<'_> {
 
     fn file_digest(&self, path: &Path) -> io::Result<Digest> {
         file_digests::digest(self.store, path)
+    }
+
+    fn facts(&self, question: &Question) -> Result<Facts, String> {
+        let subject = question.digest();
+        let mut known = self.facts.lock().expect("no question panics");
+        known.entry(subject).or_insert_with(|| facts::answer(self.store, question)).clone()
     }
 }
 
@@ -127,6 +141,8 @@ pub enum KeyError {
         path: PathBuf,
         error: String,
     },
+    /// The node asks something that the machine cannot answer.
+    Fact(String),
 }
 
 impl KeyError {
@@ -137,6 +153,7 @@ impl KeyError {
                 format!("`{port}` needs `{}` of `{producer}`, which has none: {why}", from.port)
             }
             Self::File { path, error } => format!("cannot read `{}`: {error}", path.display()),
+            Self::Fact(error) => error.clone(),
         }
     }
 }
@@ -195,7 +212,7 @@ pub fn key_of<'a>(
     let declared = instance.node.files();
     for (path, real) in &instance.files {
         let name = match declared.iter().find(|it| it.1.0 == *path) {
-            Some((field, _)) => (*field).to_owned(),
+            Some((field, _)) => field.to_string(),
             // A side file counts by its place beside the file that refers to it, wherever both are.
             None => {
                 let folders = declared.iter().filter_map(|it| it.1.0.parent());
@@ -208,7 +225,11 @@ pub fn key_of<'a>(
             .map_err(|e| KeyError::File { path: real.clone(), error: e.to_string() })?;
         files.insert(name, digest);
     }
-    Ok(Key::new(instance.node.as_ref(), inputs, files))
+    let facts = match instance.node.question() {
+        Some(question) => memory.facts(&question).map_err(KeyError::Fact)?,
+        None => Facts::new(),
+    };
+    Ok(Key { facts, ..Key::new(instance.node.as_ref(), inputs, files) })
 }
 
 fn shown_labels(labels: &Labels) -> Vec<String> {

@@ -25,9 +25,9 @@ pub fn schema(library: &Library) -> Json {
         let schema = json!({ "description": it.doc, "allOf": [(it.schema)()] });
         (format!("node.{}", it.name), or_template(schema))
     }));
-    let kinds: Vec<Json> =
-        library.kinds.iter().map(|it| kind_schema(it, &mut definitions)).collect();
     let types: Vec<&str> = library.types.iter().map(|it| it.ty.name).collect();
+    let kinds: Vec<Json> =
+        library.kinds.iter().map(|it| kind_schema(it, &types, &mut definitions)).collect();
     let nodes = kinds.into_iter().chain([inner_pipeline_schema()]);
     json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -165,7 +165,7 @@ fn inner_pipeline_schema() -> Json {
     })
 }
 
-fn kind_schema(kind: &NodeKind, definitions: &mut Map<String, Json>) -> Json {
+fn kind_schema(kind: &NodeKind, types: &[&str], definitions: &mut Map<String, Json>) -> Json {
     let spec = &kind.spec;
     let mut schema = Json::from((kind.schema)());
     rename_references(&mut schema, spec.kind);
@@ -187,6 +187,9 @@ fn kind_schema(kind: &NodeKind, definitions: &mut Map<String, Json>) -> Json {
         properties.extend(params.into_iter().map(|(name, it)| (name, or_template(it))));
     }
     properties.extend(node_keys());
+    if kind.open {
+        declare_ports(&mut properties, types);
+    }
     let ports = spec.inputs.iter().filter(|it| !it.arity.may_be_left_out()).map(|it| it.name);
     let mut required: Vec<Json> = ["kind"].into_iter().chain(ports).map(Json::from).collect();
     if let Some(Json::Array(params)) = schema.get_mut("required").map(Json::take) {
@@ -216,12 +219,30 @@ fn missing_schema() -> Json {
     })
 }
 
+/// What a pipeline writes for the ports of an open kind, where the parameters say what becomes of it.
+fn declare_ports(properties: &mut Map<String, Json>, types: &[&str]) {
+    let values =
+        [("inputs", wire_or_list()), ("outputs", json!({ "type": "string", "enum": types }))];
+    for (name, value) in values {
+        let description = properties[name]["description"].clone();
+        properties[name] = json!({
+            "description": description,
+            "type": "object",
+            "additionalProperties": value,
+        });
+    }
+}
+
+fn wire_or_list() -> Json {
+    let wire = json!({ "$ref": "#/$defs/wire" });
+    json!({ "anyOf": [wire, { "type": "array", "items": wire }] })
+}
+
 fn port_schema(port: &Port) -> Json {
     let wire = json!({ "$ref": "#/$defs/wire" });
     let description = format!("`{}`: {}", port.ty.name, port.doc);
     if port.arity.takes_list() {
-        let list = json!({ "type": "array", "items": wire });
-        json!({ "description": description, "anyOf": [wire, list] })
+        json!({ "description": description, "anyOf": wire_or_list()["anyOf"] })
     } else {
         json!({ "description": description, "allOf": [wire] })
     }

@@ -49,6 +49,7 @@ pub mod subdivide;
 pub mod synthesize;
 pub mod table;
 pub mod tall;
+pub mod text;
 pub mod topology;
 pub mod transfer_weights;
 pub mod weights;

@@ -4,6 +4,7 @@ use crate::engine::node::NodeKind;
 
 mod check;
 mod clean;
+mod command;
 mod decimate;
 mod descriptors;
 mod download;
@@ -16,6 +17,7 @@ mod load;
 mod make_body;
 mod normalize;
 mod plot;
+mod python;
 mod regressor;
 mod rig;
 mod snapshot;
@@ -32,6 +34,7 @@ mod zoomout;
 pub static ALL: &[NodeKind] = &[
     NodeKind::of::<check::Check>(),
     NodeKind::of::<clean::Clean>(),
+    NodeKind::open::<command::Command>(),
     NodeKind::of::<decimate::Decimate>(),
     NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
@@ -44,6 +47,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<normalize::Normalize>(),
     NodeKind::of::<plot::Plot>(),
+    NodeKind::open::<python::Python>(),
     NodeKind::of::<regressor::RegressorNode>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<snapshot::Snapshot>(),

@@ -11,6 +11,7 @@ use super::{
     diagnostic::{Diagnostic, Problems},
     gather::{self, Gather},
     nearest::{nearest, suggest},
+    open_ports,
     parse::{self, Document, NodeTable},
     settings::{self, WrittenSettings},
     sources::Sources,
@@ -215,11 +216,12 @@ impl Expander<'_> {
         &mut self,
         node: &NodeTable,
         kind: &'static NodeKind,
-        mut fields: Vec<Entry>,
+        fields: Vec<Entry>,
         settings: WrittenSettings,
         scope: usize,
         prefix: &str,
     ) -> Target {
+        let (kind, mut fields) = open_ports::declared(kind, fields, self.library, self.problems);
         let gather = gather::take(&mut fields, kind, self.problems);
         self.res.drafts.push(Draft {
             name: format!("{prefix}{}", node.name.name).into(),

@@ -168,8 +168,10 @@ fn run_here(
 ) -> Result<NodeOutputs, NodeError> {
     let (spec, surroundings) = (&instance.kind.spec, &context.options.surroundings);
     let (labels, files) = (instance.input_labels.clone(), instance.files.clone());
+    let stored_file = |digest: &Digest| context.store.object_file(digest);
     let mut io = NodeIo::new(spec, inputs, labels, files, surroundings, progress)
-        .with_cancel(cancel.clone());
+        .with_cancel(cancel.clone())
+        .with_stored_files(&stored_file);
     instance.node.run(&mut io)?;
     Ok(io.finish())
 }

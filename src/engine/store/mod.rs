@@ -193,6 +193,11 @@ impl Store {
         self.log().has(RecordKind::Object, digest) || objects::path(&self.dir, digest).is_file()
     }
 
+    /// The file of an object, if it has one of its own.
+    pub fn object_file(&self, digest: &Digest) -> Option<PathBuf> {
+        Some(objects::path(&self.dir, digest)).filter(|it| it.is_file())
+    }
+
     /// The bytes of an object, checked against its digest.
     ///
     /// # Errors
@@ -303,6 +308,8 @@ pub enum Note {
     LastKey,
     /// About a path in the user's folder: what was written there.
     Exported,
+    /// About a question to the machine: the answer, and what it was read from.
+    Facts,
 }
 
 impl Note {
@@ -311,6 +318,7 @@ impl Note {
             Self::FileDigest => RecordKind::FileDigest,
             Self::LastKey => RecordKind::LastKey,
             Self::Exported => RecordKind::Exported,
+            Self::Facts => RecordKind::Facts,
         }
     }
 }

@@ -10,6 +10,7 @@ pub mod csv;
 pub mod error;
 pub mod glb;
 pub mod gltf;
+pub mod npz;
 pub mod obj;
 pub mod off;
 pub mod ply;

@@ -65,7 +65,7 @@ impl<'a> Coordinator<'a> {
         let message = error.message(self.context.graph);
         let failure = match error {
             KeyError::Absent { .. } => Failure::Node(message),
-            KeyError::File { .. } => Failure::Environment(message),
+            KeyError::File { .. } | KeyError::Fact(_) => Failure::Environment(message),
         };
         self.fail(index, failure, Duration::ZERO);
     }
