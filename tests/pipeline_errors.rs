@@ -529,7 +529,9 @@ fn inner_pipelines() {
     check_use(
         &format!("{file}x = \"@one\""),
         &inner.replace("x = \"number\"", "x = \"text\""),
-        &["7:5: `x` takes `text`, but this is `number`"],
+        &[
+            "7:5: `x` takes `text`, but this is `number` (a `gather` node makes `text` from `number`)",
+        ],
     );
     check_use(
         &format!("{file}x = \"@one\""),
