@@ -614,7 +614,7 @@ proptest! {
             let options = RunOptions { targets, ..bench.options(threads) };
             let report = run::run(&graph, &TOY, &store, &options, &mut Silent);
             if options.targets.is_empty() {
-                prop_assert!(report.succeeded());
+                prop_assert!(report.succeeded(), "{report:?}");
                 prop_assert_eq!(bench.output("last.txt"), expected.to_string());
             }
             for (status, outcome) in plan.statuses.iter().zip(&report.outcomes) {

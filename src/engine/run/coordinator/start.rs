@@ -40,8 +40,12 @@ impl<'a> Coordinator<'a> {
                 Some(rule) => self.export_job(rule),
                 None => self.next_run(),
             };
-            let Some(job) = job else { break };
-            self.send(job, scope, context);
+            match job {
+                Some(job) => self.send(job, scope, context),
+                // Looking for a node to run may have found results of others, and files to write.
+                None if self.ready_exports.is_empty() => break,
+                None => {}
+            }
         }
     }
 
