@@ -1,10 +1,11 @@
 //! The worker process: runs one node that its parent describes.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, HashMap},
     fs::File,
     io::{self, BufRead, BufReader, Read, Write},
     os::fd::{AsRawFd, FromRawFd},
+    path::PathBuf,
     sync::{
         Arc, Mutex,
         atomic::{AtomicBool, Ordering},
@@ -14,12 +15,13 @@ use std::{
 
 use memmap2::Mmap;
 
-use super::{ArtifactFile, Job, Line, memory_file};
+use super::{ArtifactFile, Job, JobPort, Line, Ports, memory_file};
 use crate::engine::{
-    artifact::AnyArtifact,
+    artifact::{ANY, AnyArtifact},
+    digest::Digest,
     graph::{InputLabels, Labels},
     library::Library,
-    node::{AnyNode, NodeError, NodeIo, NodeOutputs, PortInputs, Surroundings},
+    node::{NodeError, NodeIo, NodeKind, NodeOutputs, Port, PortInputs, Spec, Surroundings},
     run::guard,
 };
 
@@ -61,8 +63,13 @@ fn last_line(library: &Library, job: Job, lines: &Lines) -> (Line, Vec<File>) {
 fn run(library: &Library, job: Job, lines: &Lines) -> Result<NodeOutputs, NodeError> {
     let kind = library.kind(&job.kind).expect("parent and worker have the same kinds");
     let node = (kind.parse)(job.params).expect("the parent's parameters are checked");
-    let inputs = read_inputs(library, &*node, &job.inputs)?;
-    let labels = read_labels(&*node, &job.labels);
+    let spec = spec(library, kind, &job.ports);
+    let inputs = read_inputs(library, spec, &job.inputs)?;
+    let labels = read_labels(spec, &job.labels);
+    let files = job.inputs.values().flatten().flatten();
+    let files: HashMap<Digest, PathBuf> =
+        files.filter_map(|it| Some((it.digest?, it.path.clone()))).collect();
+    let stored_file = |digest: &Digest| files.get(digest).cloned();
     let surroundings = Surroundings { mirrors: job.mirrors, offline: job.offline, isolated: true };
     let progress = |fraction, text: &str| {
         // A parent that does not listen is dead, and this process soon as well.
@@ -71,19 +78,42 @@ fn run(library: &Library, job: Job, lines: &Lines) -> Result<NodeOutputs, NodeEr
     let pool = if job.threads > 1 { guard::pool(job.threads) } else { guard::own_pool() };
     limit_memory(job.memory)?;
     pool.install(|| {
-        let mut io = NodeIo::new(node.spec(), inputs, labels, job.files, &surroundings, &progress);
+        let mut io = NodeIo::new(spec, inputs, labels, job.files, &surroundings, &progress)
+            .with_stored_files(&stored_file);
         node.run(&mut io)?;
         Ok(io.finish())
     })
 }
 
+/// The declaration of the kind; of an open one with the ports that the pipeline declares.
+fn spec(library: &Library, kind: &NodeKind, ports: &Ports<Vec<JobPort>>) -> &'static Spec {
+    // This process has one job, so what is leaked is leaked once.
+    let leak = |ports: &[JobPort]| -> &'static [Port] {
+        let port = |it: &JobPort| Port {
+            name: it.name.clone().leak(),
+            doc: "",
+            ty: library.artifact_kind(&it.ty).map_or(ANY, |it| it.ty),
+            arity: it.arity,
+            labelled: false,
+            aside: false,
+        };
+        Vec::leak(ports.iter().map(port).collect())
+    };
+    let spec = if kind.open {
+        Spec { inputs: leak(&ports.inputs), outputs: leak(&ports.outputs), ..kind.spec }
+    } else {
+        kind.spec
+    };
+    Box::leak(Box::new(spec))
+}
+
 fn read_inputs(
     library: &Library,
-    node: &dyn AnyNode,
+    spec: &Spec,
     inputs: &BTreeMap<String, Vec<Result<ArtifactFile, String>>>,
 ) -> Result<BTreeMap<&'static str, PortInputs>, NodeError> {
     let mut res = BTreeMap::new();
-    for port in node.spec().inputs {
+    for port in spec.inputs {
         let mut list = PortInputs::new();
         for input in inputs.get(port.name).into_iter().flatten() {
             list.push(match input {
@@ -96,14 +126,11 @@ fn read_inputs(
     Ok(res)
 }
 
-fn read_labels(
-    node: &dyn AnyNode,
-    labels: &BTreeMap<String, Vec<Vec<(String, String)>>>,
-) -> InputLabels {
+fn read_labels(spec: &Spec, labels: &BTreeMap<String, Vec<Vec<(String, String)>>>) -> InputLabels {
     let read = |it: &Vec<(String, String)>| -> Labels {
         it.iter().map(|(axis, item)| (axis.as_str().into(), item.as_str().into())).collect()
     };
-    let ports = node.spec().inputs.iter();
+    let ports = spec.inputs.iter();
     ports
         .filter_map(|it| Some((it.name, labels.get(it.name)?.iter().map(read).collect())))
         .collect()
