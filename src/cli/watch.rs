@@ -25,6 +25,8 @@ use crate::engine::{digest::Digest, file_digests, graph::Graph};
 /// What did not change is not computed again. Mistakes are told, and end nothing: the outputs of the
 /// last good run stay. Ctrl-C ends it.
 #[derive(clap::Args)]
+// The arguments of `run` are a group of the name that this one would have.
+#[group(id = "WatchArgs")]
 pub struct Args {
     #[command(flatten)]
     run: RunArgs,
