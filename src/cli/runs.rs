@@ -51,7 +51,7 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
     Ok(Exit::Success)
 }
 
-fn find(dir: &Path, name: &str) -> Result<Record, Failure> {
+pub fn find(dir: &Path, name: &str) -> Result<Record, Failure> {
     let stem = |it: &Path| it.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let paths = record::list(dir);
     let path = match name {
@@ -120,6 +120,9 @@ fn tell(record: &Record, ui: &Ui) {
     for line in &record.lines {
         match line {
             Line::NodeDone(node) => tell_node(node, width),
+            Line::Warning { text, .. } => {
+                println!("{}{:>10}{:#}  {text}", style::WARN, "warning", style::WARN);
+            }
             Line::Output { path, status, bytes, message, .. } => {
                 let size = bytes.map(show_bytes).unwrap_or_default();
                 let message = message.as_deref().unwrap_or_default();

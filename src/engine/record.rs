@@ -36,6 +36,7 @@ pub enum Line {
     NodeWaiting { t: f64, node: String },
     NodeDone(NodeDone),
     Output { t: f64, path: PathBuf, status: String, bytes: Option<u64>, message: Option<String> },
+    Warning { t: f64, text: String },
     RunDone { t: f64, ran: usize, cached: usize, cut_off: usize, failed: usize, skipped: usize },
 }
 
@@ -114,6 +115,7 @@ impl Liner {
                 Line::NodeProgress { t, node: id(instance), fraction, text: text.to_owned() }
             }
             Event::Waiting { instance } => Line::NodeWaiting { t, node: id(instance) },
+            Event::Warning { text } => Line::Warning { t, text: text.to_owned() },
             Event::Finished { outcome: Outcome::NotWanted, .. } => return None,
             Event::Finished { instance, outcome, key, outputs } => Line::NodeDone(self.node_done(
                 graph,

@@ -3,11 +3,13 @@
 //! ```text
 //! cache/
 //!   CACHEDIR.TAG
-//!   lock             shared by every user of the store; `gc` takes it alone
+//!   lock             the gate: shared while somebody plans or writes; `gc` takes it alone
 //!   claims           byte ranges of this file are locked while a key is being computed
 //!   log/*.log        append-only segments: entries, small objects, digests of files …
 //!   objects/ab/…     one file an object that is too large for the log
 //!   runs/*.jsonl     run records
+//!   uses/*           what running runs rely on
+//!   pins/*           what `gc` must keep
 //! ```
 //!
 //! Nothing is ever changed in place. An object is there before the entry that names it. A writer
@@ -15,12 +17,16 @@
 //! the last of a segment: readers stop before it and the next writer cuts it off.
 
 mod claims;
+pub mod disk;
+mod gate;
 pub mod gc;
 mod log;
 mod objects;
+pub mod pins;
+mod uses;
 
 use std::{
-    fs::{self, File},
+    fs::File,
     io,
     path::{Path, PathBuf},
     sync::{Arc, Mutex},
@@ -30,10 +36,17 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 pub use claims::Claim;
+use disk::Disk;
+use gate::{Gate, Pass};
 use log::{Log, RecordKind};
 pub use objects::{Bytes, ObjectError};
 
-use super::{artifact::ArtifactType, digest::Digest};
+use uses::Uses;
+
+use super::{
+    artifact::{ArtifactType, digest_of},
+    digest::Digest,
+};
 
 /// What is stored under a key.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -109,10 +122,17 @@ pub enum Access {
 pub struct Store {
     dir: PathBuf,
     access: Access,
+    disk: Disk,
     log: Mutex<Log>,
     claims: Option<Arc<File>>,
-    /// Held, shared, as long as the store is open.
-    _lock: Option<File>,
+    /// None for a store that is only read.
+    gate: Option<Arc<Gate>>,
+    /// Held from the opening until a run has planned, so that nothing it has seen is removed.
+    planning: Mutex<Option<Pass>>,
+    /// What the run relies on that is going on, noted down for housekeeping.
+    uses: Mutex<Option<Uses>>,
+    /// Large objects that were found damaged, for people.
+    damage: Mutex<Vec<String>>,
 }
 
 /// Objects up to this size live in the log: a file of their own would cost more than they do.
@@ -127,31 +147,71 @@ impl Store {
     /// # Errors
     /// If the folder cannot be made, read, or (unless read-only) written.
     pub fn open(dir: &Path, access: Access) -> Result<Self, StoreError> {
+        Self::open_on(&Disk::default(), dir, access)
+    }
+
+    /// Opens a store on a disk that may fail.
+    ///
+    /// # Errors
+    /// As [`Store::open`].
+    pub fn open_on(disk: &Disk, dir: &Path, access: Access) -> Result<Self, StoreError> {
+        let (mut gate, mut claims, mut planning) = (None, None, None);
         if access == Access::ReadWrite {
-            for folder in ["log", "objects", "runs"] {
-                let path = dir.join(folder);
-                fs::create_dir_all(&path).map_err(StoreError::new("make the folder", &path))?;
-            }
-            let tag = dir.join("CACHEDIR.TAG");
-            if !tag.exists() {
-                fs::write(&tag, CACHEDIR_TAG).map_err(StoreError::new("write", &tag))?;
+            make_folders(disk, dir)?;
+            let open = Gate::open(disk, &dir.join("lock"))?;
+            planning = Some(open.enter()?);
+            gate = Some(open);
+            let path = dir.join("claims");
+            let file = disk.open_or_create(&path).map_err(StoreError::new("write", &path))?;
+            claims = Some(Arc::new(file));
+        }
+        let log = Log::open(disk, &dir.join("log"))?;
+        Ok(Self {
+            dir: dir.to_owned(),
+            access,
+            disk: disk.clone(),
+            log: Mutex::new(log),
+            claims,
+            gate,
+            planning: Mutex::new(planning),
+            uses: Mutex::default(),
+            damage: Mutex::default(),
+        })
+    }
+
+    /// Lets housekeeping work beside a run that has planned. It keeps what the run relies on, if
+    /// there is something left to do: these keys, and what it will store under its name.
+    pub fn planned(&self, run: &str, relies_on: Option<&[Digest]>) {
+        if self.access == Access::ReadWrite
+            && let Some(keys) = relies_on
+        {
+            match Uses::note(&self.disk, &self.dir, run, keys) {
+                Ok(uses) => *self.uses.lock().expect("nobody panics while it is held") = Some(uses),
+                Err(error) => tracing::debug!(%error, "housekeeping does not know of this run"),
             }
         }
-        let (lock, claims) = match access {
-            Access::ReadOnly => (None, None),
-            Access::ReadWrite => {
-                let lock = open_lock_file(&dir.join("lock"))?;
-                let path = dir.join("lock");
-                lock.lock_shared().map_err(StoreError::new("lock", &path))?;
-                (Some(lock), Some(Arc::new(open_lock_file(&dir.join("claims"))?)))
-            }
-        };
-        let log = Log::open(&dir.join("log"))?;
-        Ok(Self { dir: dir.to_owned(), access, log: Mutex::new(log), claims, _lock: lock })
+        *self.planning.lock().expect("nobody panics while it is held") = None;
+    }
+
+    /// A run has ended: housekeeping may remove what it relied on.
+    pub fn ended(&self) {
+        *self.uses.lock().expect("nobody panics while it is held") = None;
+    }
+
+    /// What was found damaged since this was asked last, with its place; it is made again when it
+    /// is needed.
+    pub fn take_damage(&self) -> Vec<String> {
+        let mut res = self.log().take_damage();
+        res.append(&mut self.damage.lock().expect("nobody panics while it is held"));
+        res
     }
 
     pub fn dir(&self) -> &Path {
         &self.dir
+    }
+
+    pub fn disk(&self) -> &Disk {
+        &self.disk
     }
 
     pub fn access(&self) -> Access {
@@ -186,15 +246,22 @@ impl Store {
     /// # Errors
     /// If it is missing or damaged. A damaged object is set aside, so that it is made again.
     pub fn object(&self, ty: ArtifactType, digest: &Digest) -> Result<Bytes, ObjectError> {
-        if let Some(bytes) = self.log().get(RecordKind::Object, digest) {
-            let bytes = Bytes::Owned(bytes);
-            if super::artifact::digest_of(ty, &bytes) == *digest {
-                return Ok(bytes);
+        let mut log = self.log();
+        if log.has(RecordKind::Object, digest) {
+            let bytes = log.get(RecordKind::Object, digest);
+            if let Some(bytes) = bytes.filter(|it| digest_of(ty, it) == *digest) {
+                return Ok(Bytes::Owned(bytes));
             }
-            self.log().forget(RecordKind::Object, digest);
+            log.forget(RecordKind::Object, digest);
             return Err(ObjectError::Damaged { path: self.dir.join("log"), digest: *digest });
         }
-        objects::read(&self.dir, self.access, ty, digest)
+        drop(log);
+        let res = objects::read(&self.disk, &self.dir, self.access, ty, digest);
+        if let Err(error @ (ObjectError::Damaged { .. } | ObjectError::Unreadable { .. })) = &res {
+            let mut damage = self.damage.lock().expect("nobody panics while it is held");
+            damage.push(error.to_string());
+        }
+        res
     }
 
     /// Writes objects and the entries that name them, in this order.
@@ -205,11 +272,13 @@ impl Store {
         if self.access == Access::ReadOnly {
             return Ok(());
         }
+        // Between the writing of an object and that of its entry, nobody may think it is garbage.
+        let _pass = self.enter()?;
         let mut records = Vec::new();
         for NewEntry { key, entry, objects } in batch {
             for (digest, bytes) in objects {
                 if bytes.len() > SMALL_OBJECT {
-                    objects::write(&self.dir, &digest, &bytes)?;
+                    objects::write(&self.disk, &self.dir, &digest, &bytes)?;
                 } else if !self.log().has(RecordKind::Object, &digest) {
                     records.push((RecordKind::Object, digest, bytes));
                 }
@@ -229,7 +298,12 @@ impl Store {
         }
         let records: Vec<_> =
             notes.into_iter().map(|(note, digest, bytes)| (note.record(), digest, bytes)).collect();
+        let _pass = self.enter()?;
         self.log().append(&records)
+    }
+
+    fn enter(&self) -> Result<Option<Pass>, StoreError> {
+        self.gate.as_ref().map(Gate::enter).transpose()
     }
 
     /// A remembered fact.
@@ -246,6 +320,7 @@ impl Store {
             None => Ok(Some(Claim::none())),
             Some(file) => {
                 let path = self.dir.join("claims");
+                self.disk.may_claim(&path).map_err(StoreError::new("lock", &path))?;
                 Claim::take(file, key).map_err(StoreError::new("lock", &path))
             }
         }
@@ -280,14 +355,16 @@ impl Note {
     }
 }
 
-fn open_lock_file(path: &Path) -> Result<File, StoreError> {
-    File::options()
-        .read(true)
-        .write(true)
-        .create(true)
-        .truncate(false)
-        .open(path)
-        .map_err(StoreError::new("write", path))
+fn make_folders(disk: &Disk, dir: &Path) -> Result<(), StoreError> {
+    for folder in ["log", "objects", "runs"] {
+        let path = dir.join(folder);
+        disk.make_folder(&path).map_err(StoreError::new("make the folder", &path))?;
+    }
+    let tag = dir.join("CACHEDIR.TAG");
+    if !tag.exists() {
+        disk.write_whole(&tag, CACHEDIR_TAG.as_bytes()).map_err(StoreError::new("write", &tag))?;
+    }
+    Ok(())
 }
 
 /// Seconds since 1970.

@@ -133,7 +133,8 @@ impl<'a> Coordinator<'a> {
                 self.fail(index, failure, wall);
             }
             JobResult::Lost { from, error } => {
-                tracing::warn!(%error, "an input is made again");
+                tracing::info!(%error, "an input is made again");
+                self.tell_damage();
                 self.slots[index].claim = None;
                 self.slots[from.instance].stored = false;
                 self.prepare(index);

@@ -31,9 +31,15 @@ impl<'a> Coordinator<'a> {
         'a: 'scope,
     {
         self.resolve();
-        while !self.stopping && self.free_threads > 0 {
-            let job = match self.ready_exports.pop_front() {
-                Some(rule) => self.export_job(rule),
+        while self.free_threads > 0 {
+            // When the store refuses, what is there is still written for the user.
+            let may_export = !self.stopping || self.store_error.is_some();
+            let job = match self.ready_exports.front().copied().filter(|_| may_export) {
+                Some(rule) => {
+                    self.ready_exports.pop_front();
+                    self.export_job(rule)
+                }
+                None if self.stopping => None,
                 None => self.next_run(),
             };
             let Some(job) = job else { break };
