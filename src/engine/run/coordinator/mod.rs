@@ -57,6 +57,12 @@ pub struct Coordinator<'a> {
     running: usize,
     /// Bytes of artifacts in memory.
     live_bytes: u64,
+    /// Bytes that running jobs will need beside these.
+    reserved_bytes: u64,
+    /// Bytes that wait to be written to the store.
+    pending_bytes: u64,
+    /// The most bytes that an instance of a kind has given in this run.
+    largest_outputs: HashMap<&'static str, u64>,
     pools: HashMap<usize, Vec<Arc<ThreadPool>>>,
     /// Planning is over: a stored result is found because something ran.
     planned: bool,
@@ -103,6 +109,9 @@ impl<'a> Coordinator<'a> {
             free_threads: options.threads.max(1),
             running: 0,
             live_bytes: 0,
+            reserved_bytes: 0,
+            pending_bytes: 0,
+            largest_outputs: HashMap::new(),
             pools: HashMap::new(),
             planned: false,
             stopping: false,

@@ -59,6 +59,7 @@ impl<'a> Coordinator<'a> {
                 tracing::info!(%error, "an output's artifact is made again");
                 self.tell_damage();
                 self.slots[from.instance].stored = false;
+                self.slots[from.instance].was_lost = true;
                 self.plan_export(rule);
             }
             JobResult::Ran { .. } | JobResult::Failed { .. } => {

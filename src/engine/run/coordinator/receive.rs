@@ -34,7 +34,9 @@ impl<'a> Coordinator<'a> {
         if !self.resolvable.is_empty() {
             return true;
         }
-        let busy = self.queues.as_ref().is_some_and(|it| it.n_jobs > 0);
+        let waits_for_writer =
+            self.pending_bytes > 0 && self.ready.peek().is_some() && !self.stopping;
+        let busy = self.queues.as_ref().is_some_and(|it| it.n_jobs > 0) || waits_for_writer;
         if !busy && self.claimed.is_empty() {
             return false;
         }
@@ -77,6 +79,7 @@ impl<'a> Coordinator<'a> {
             Message::Ran { instance, loaded, result } => {
                 self.job_ended(self.slots[instance].threads);
                 self.running -= 1;
+                self.reserved_bytes -= std::mem::take(&mut self.slots[instance].reserved);
                 self.keep_loaded(loaded);
                 self.node_ended(instance, result);
             }
@@ -88,6 +91,7 @@ impl<'a> Coordinator<'a> {
             Message::Stored { instances } => {
                 for index in instances {
                     self.slots[index].stored = true;
+                    self.pending_bytes -= std::mem::take(&mut self.slots[index].pending);
                 }
                 self.relieve_memory();
             }
@@ -137,6 +141,7 @@ impl<'a> Coordinator<'a> {
                 self.tell_damage();
                 self.slots[index].claim = None;
                 self.slots[from.instance].stored = false;
+                self.slots[from.instance].was_lost = true;
                 self.prepare(index);
             }
             JobResult::Exported(_) => unreachable!("a node's job exports nothing"),
@@ -195,6 +200,12 @@ impl<'a> Coordinator<'a> {
         if self.context.store.access() == Access::ReadOnly {
             return;
         }
+        let n_bytes = objects.iter().map(|it| it.1.len() as u64).sum::<u64>();
+        self.slots[index].pending += n_bytes;
+        self.pending_bytes += n_bytes;
+        let kind = self.context.graph.instances[index].kind.spec.kind;
+        let largest = self.largest_outputs.entry(kind).or_default();
+        *largest = n_bytes.max(*largest);
         let (key, text) = self.slots[index].key.as_ref().expect("what ran has a key");
         let list = outputs.artifacts.iter().map(|(port, info)| EntryOutput {
             port: (*port).to_owned(),
