@@ -320,6 +320,8 @@ impl<'a> Decoder<'a> {
     }
 }
 
+const MAX_DIMENSION: usize = 1 << 40;
+
 fn read_entry<'a>(entry: &Value, data: &'a [u8]) -> Option<(RawArray<'a>, (usize, usize))> {
     let dtype = entry.get("dtype")?.as_str()?;
     let dtype = Dtype::ALL.into_iter().find(|it| it.name() == dtype)?;
@@ -327,7 +329,8 @@ fn read_entry<'a>(entry: &Value, data: &'a [u8]) -> Option<(RawArray<'a>, (usize
         let list = entry.get(name)?.as_array()?;
         list.iter().map(|it| usize::try_from(it.as_u64()?).ok()).collect()
     };
-    let shape = numbers("shape")?;
+    // Where another dimension is zero, no number of bytes bounds the rest.
+    let shape = numbers("shape").filter(|it| it.iter().all(|&n| n <= MAX_DIMENSION))?;
     let [start, end] = numbers("data_offsets")?.try_into().ok()?;
     let n_bytes = shape.iter().try_fold(dtype.size(), |a, &b| a.checked_mul(b))?;
     let bytes = data.get(start..end).filter(|it| it.len() == n_bytes)?;

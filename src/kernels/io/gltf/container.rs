@@ -1,9 +1,16 @@
 //! From bytes to a validated document and its buffers.
 
-use gltf::{Document, Gltf, buffer::Source, json::validation::Checked};
+use gltf::{
+    Document, Gltf, Semantic,
+    buffer::Source,
+    json::{mesh::Primitive, validation::Checked},
+};
 
 use super::FORMAT;
-use crate::kernels::io::{error::ReadError, uri::percent_decoded};
+use crate::kernels::{
+    files::check_relative,
+    io::{error::ReadError, uri::percent_decoded},
+};
 
 /// Opens a `.glb` or `.gltf`.
 pub fn open(
@@ -24,8 +31,11 @@ pub fn open(
                 Some((_, data)) if uri.starts_with("data:") => {
                     base64(data).ok_or_else(|| fail("the data is no base64".to_owned()))?
                 }
-                _ => side_file(&file_name(uri))
-                    .ok_or_else(|| fail(format!("cannot find `{uri}`")))?,
+                _ => {
+                    let name = file_name(uri);
+                    check_relative(&name).map_err(fail)?;
+                    side_file(&name).ok_or_else(|| fail(format!("cannot find `{uri}`")))?
+                }
             },
         };
         if data.len() < buffer.length() {
@@ -37,7 +47,8 @@ pub fn open(
     Ok((document, buffers))
 }
 
-/// The files that a `.gltf` names, in order; none if the file cannot be read.
+/// The files that a `.gltf` names, in order; none if the file cannot be read. Those that would lie
+/// outside of its folder are left out, and [`open`] refuses them.
 pub fn external_buffers(bytes: &[u8]) -> Vec<String> {
     let Some(document) = chunks(bytes).ok().and_then(|it| parse(it.0).ok()) else {
         return Vec::new();
@@ -48,6 +59,7 @@ pub fn external_buffers(bytes: &[u8]) -> Vec<String> {
             Source::Uri(uri) if !uri.starts_with("data:") => Some(file_name(uri)),
             _ => None,
         })
+        .filter(|it| check_relative(it).is_ok())
         .collect()
 }
 
@@ -61,9 +73,28 @@ fn parse(json: &[u8]) -> Result<Document, ReadError> {
     if json.starts_with(b"glTF") {
         return Err(ReadError::content(FORMAT, "a binary file inside of a binary file"));
     }
-    let gltf = Gltf::from_slice(json).map_err(|e| ReadError::content(FORMAT, e.to_string()))?;
-    check_animations(&gltf.document)?;
-    Ok(gltf.document)
+    let fail = |e: gltf::Error| ReadError::content(FORMAT, e.to_string());
+    let Gltf { document, .. } = Gltf::from_slice_without_validation(json).map_err(fail)?;
+    check_positions(&document)?;
+    let document = Document::from_json(document.into_json()).map_err(fail)?;
+    check_animations(&document)?;
+    Ok(document)
+}
+
+/// What the validation of the `gltf` crate (1.4) itself panics on.
+fn check_positions(document: &Document) -> Result<(), ReadError> {
+    let root = document.as_json();
+    let is_beyond = |it: &Primitive| {
+        let positions = it.attributes.get(&Checked::Valid(Semantic::Positions));
+        positions.is_some_and(|it| it.value() >= root.accessors.len())
+    };
+    match root.meshes.iter().position(|it| it.primitives.iter().any(is_beyond)) {
+        Some(index) => {
+            let what = format!("mesh {index} has positions in an accessor that is not there");
+            Err(ReadError::content(FORMAT, what))
+        }
+        None => Ok(()),
+    }
 }
 
 /// What the validation of the `gltf` crate (1.4) leaves out, and its accessors then panic on.
