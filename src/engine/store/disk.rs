@@ -191,19 +191,33 @@ impl Disk {
         if result.is_err() {
             let _ = self.remove(&temporary);
         }
+        self.sweep(path);
         result
+    }
+
+    /// Removes what killed writers of the same file have left.
+    fn sweep(&self, path: &Path) {
+        for turn in 0..MAX_WRITERS {
+            let temporary = temporary_path(path, turn);
+            match self.open(&temporary) {
+                Ok(file) => {
+                    let is_left = self.try_lock(&file, &temporary).unwrap_or(false);
+                    if is_left && is_at(&file, &temporary) {
+                        let _ = self.remove(&temporary);
+                    }
+                }
+                Err(_) if turn == 0 => {}
+                Err(_) => return,
+            }
+        }
     }
 
     /// An empty file beside a path that nobody else writes to.
     fn temporary(&self, path: &Path) -> io::Result<(PathBuf, File)> {
-        let folder =
-            path.parent().filter(|it| !it.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let name = path.file_name().unwrap_or_default();
-        let stem = Digest::of(name.as_encoded_bytes()).to_string();
         let mut options = OpenOptions::new();
         options.read(true).write(true).create(true).truncate(false).custom_flags(libc::O_NOFOLLOW);
         for turn in 0..MAX_WRITERS {
-            let temporary = folder.join(format!("{TEMPORARY}{}-{turn}", &stem[..16]));
+            let temporary = temporary_path(path, turn);
             self.ask(Operation::Create, &temporary)?;
             let file = options.open(&temporary)?;
             // Another may have renamed it between our opening and our locking: then what we hold is
@@ -216,6 +230,12 @@ impl Disk {
         let message = format!("{MAX_WRITERS} others are writing `{}`", path.display());
         Err(io::Error::new(io::ErrorKind::ResourceBusy, message))
     }
+}
+
+/// Where the writer of a file writes first, whose turn it is among those who write it now.
+fn temporary_path(path: &Path, turn: usize) -> PathBuf {
+    let name = Digest::of(path.file_name().unwrap_or_default().as_encoded_bytes()).to_string();
+    path.with_file_name(format!("{TEMPORARY}{}-{turn}", &name[..16]))
 }
 
 /// How the names of unfinished files begin.
