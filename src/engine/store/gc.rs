@@ -21,7 +21,7 @@ use super::{
     objects, pins, uses,
 };
 use crate::engine::{
-    artifact::digest_of,
+    artifact::{ArtifactType, digest_of},
     digest::Digest,
     key::Key,
     library::Library,
@@ -189,22 +189,23 @@ pub fn collect(dir: &Path, options: &GcOptions) -> Result<GcReport, GcError> {
 
 /// Reads everything and compares it with its digests; what is damaged is set aside.
 ///
+/// Runs go on meanwhile, but for the moment in which damaged records are removed.
+///
 /// # Errors
-/// If there is never a moment in which nobody plans or writes, or if the log cannot be read.
+/// If the log cannot be read or written, or if there is never a moment in which nobody plans or
+/// writes.
 pub fn verify(dir: &Path, library: &Library) -> Result<VerifyReport, GcError> {
-    let _alone = close_gate(dir)?;
     let mut log = open_log(dir)?;
     let mut report = VerifyReport::default();
-    let mut checked = HashSet::new();
-    let (mut damaged_small, mut damaged_entries) = (HashSet::new(), HashSet::new());
+    let mut damaged = DamagedRecords::default();
     for (key, _) in log.list(RecordKind::Entry) {
         report.entries += 1;
-        let entry = log.get(RecordKind::Entry, &key).and_then(|it| Entry::from_payload(&it));
-        if entry.is_none_or(|it| Digest::of(it.key.as_bytes()) != key) {
-            damaged_entries.insert(key);
+        if !is_whole_entry(&mut log, &key) {
+            damaged.entries.insert(key);
             report.damaged.push(format!("entry {}", key.short()));
         }
     }
+    let mut checked = HashSet::new();
     for StoredEntry { kind, entry, .. } in entries(&mut log) {
         for output in &entry.outputs {
             let Some(artifact) = library.artifact_kind(&output.ty) else { continue };
@@ -214,9 +215,8 @@ pub fn verify(dir: &Path, library: &Library) -> Result<VerifyReport, GcError> {
             let name = || format!("`{}` of a {kind} node ({})", output.port, output.digest.short());
             if log.has(RecordKind::Object, &output.digest) {
                 report.objects += 1;
-                let bytes = log.get(RecordKind::Object, &output.digest).unwrap_or_default();
-                if digest_of(artifact.ty, &bytes) != output.digest {
-                    damaged_small.insert(output.digest);
+                if !is_whole_object(&mut log, artifact.ty, &output.digest) {
+                    damaged.objects.insert(output.digest, artifact.ty);
                     report.damaged.push(name());
                 }
                 continue;
@@ -233,17 +233,43 @@ pub fn verify(dir: &Path, library: &Library) -> Result<VerifyReport, GcError> {
         }
     }
     let in_log = log.take_damage();
-    let must_rewrite = !in_log.is_empty() || !damaged_small.is_empty();
-    report.damaged.extend(in_log);
-    if must_rewrite || !damaged_entries.is_empty() {
-        log.rewrite(|kind, digest| match kind {
-            RecordKind::Entry => !damaged_entries.contains(digest),
-            RecordKind::Object => !damaged_small.contains(digest),
-            _ => true,
-        })?;
+    drop(log);
+    if !in_log.is_empty() || !damaged.entries.is_empty() || !damaged.objects.is_empty() {
+        remove_records(dir, damaged)?;
     }
+    report.damaged.extend(in_log);
     mend_tag(dir, &mut report)?;
     Ok(report)
+}
+
+#[derive(Default)]
+struct DamagedRecords {
+    entries: HashSet<Digest>,
+    objects: HashMap<Digest, ArtifactType>,
+}
+
+fn is_whole_entry(log: &mut Log, key: &Digest) -> bool {
+    let entry = log.get(RecordKind::Entry, key).and_then(|it| Entry::from_payload(&it));
+    entry.is_some_and(|it| Digest::of(it.key.as_bytes()) == *key)
+}
+
+fn is_whole_object(log: &mut Log, ty: ArtifactType, digest: &Digest) -> bool {
+    log.get(RecordKind::Object, digest).is_some_and(|it| digest_of(ty, &it) == *digest)
+}
+
+/// Writes the log without damaged records.
+fn remove_records(dir: &Path, mut damaged: DamagedRecords) -> Result<(), GcError> {
+    let _alone = close_gate(dir)?;
+    let mut log = open_log(dir)?;
+    // Some may have been made again since.
+    damaged.entries.retain(|key| !is_whole_entry(&mut log, key));
+    damaged.objects.retain(|digest, ty| !is_whole_object(&mut log, *ty, digest));
+    log.rewrite(|kind, digest| match kind {
+        RecordKind::Entry => !damaged.entries.contains(digest),
+        RecordKind::Object => !damaged.objects.contains_key(digest),
+        RecordKind::FileDigest | RecordKind::LastKey | RecordKind::Exported => true,
+    })?;
+    Ok(())
 }
 
 /// The tag tells backup programs to leave the cache out.
