@@ -11,7 +11,6 @@
 //! - `revert`: the file of before; no node runs
 
 use std::{
-    collections::BTreeSet,
     fmt::Write,
     fs,
     path::{Path, PathBuf},
@@ -20,7 +19,6 @@ use std::{
 };
 
 use sinew::engine::{
-    node::Surroundings,
     pipeline::{self, Settings},
     record::{self, RECORD_VERSION, Recorder, RunStart},
     run::{self, RunOptions},
@@ -47,17 +45,13 @@ fn child(folder: &Path) {
     let store = Store::open(&folder.join("cache"), Access::ReadWrite).expect("a writable folder");
     let options = RunOptions {
         threads: 2,
-        memory: 1 << 30,
-        targets: Vec::new(),
-        forced: BTreeSet::new(),
-        fail_fast: false,
-        surroundings: Surroundings::default(),
         output_dir: folder.to_owned(),
         run_id: "bench".to_owned(),
+        ..RunOptions::default()
     };
     let start = RunStart {
         v: RECORD_VERSION,
-        run: record::new_run_id(),
+        run: record::new_run_id(store.dir()),
         time: String::new(),
         version: String::new(),
         title: None,

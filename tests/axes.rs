@@ -1,12 +1,11 @@
 //! Nodes along axes: what a pipeline expands to, what runs again when items come and go, and what is
 //! wrong with an axis.
 
-use std::{collections::BTreeSet, fs, path::PathBuf};
+use std::{fs, path::PathBuf};
 
 use sinew::engine::{
     events::{Outcome, RunReport, Silent},
     graph::Graph,
-    node::Surroundings,
     pipeline::{self, Settings},
     run::{self, RunOptions},
     store::{Access, Store},
@@ -60,13 +59,9 @@ impl Folder {
         let store = Store::open(&self.path("cache"), Access::ReadWrite).unwrap();
         let options = RunOptions {
             threads: 2,
-            memory: 1 << 30,
-            targets: Vec::new(),
-            forced: BTreeSet::new(),
-            fail_fast: false,
-            surroundings: Surroundings::default(),
             output_dir: self.path(""),
             run_id: "test".to_owned(),
+            ..RunOptions::default()
         };
         let report = run::run(&graph, &TOY, &store, &options, &mut Silent);
         let ids = graph.instances.node_weights().map(|it| it.id());

@@ -14,7 +14,6 @@ use std::{
 use sinew::engine::{
     events::{Event, ExportOutcome, Failure, Observer, Outcome, RunReport, Silent},
     graph::Graph,
-    node::Surroundings,
     pipeline::{self, Settings},
     run::{self, RunOptions},
     store::{
@@ -83,13 +82,10 @@ impl Bench {
     fn options(&self, targets: &[&str]) -> RunOptions {
         RunOptions {
             threads: 2,
-            memory: 1 << 30,
             targets: targets.iter().map(|it| self.graph.find(it).unwrap()).collect(),
-            forced: BTreeSet::new(),
-            fail_fast: false,
-            surroundings: Surroundings::default(),
             output_dir: self.path("out"),
             run_id: "test".to_owned(),
+            ..RunOptions::default()
         }
     }
 

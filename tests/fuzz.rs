@@ -5,7 +5,7 @@
 use std::{
     alloc::{GlobalAlloc, Layout, System},
     cell::Cell,
-    collections::{BTreeMap, BTreeSet},
+    collections::BTreeMap,
     fs,
     path::{Path, PathBuf},
     time::{Duration, Instant},
@@ -200,13 +200,10 @@ fn artifacts() -> BTreeMap<&'static str, Vec<u8>> {
             .unwrap_or_else(|e| panic!("{}", e.render(false)));
         let options = RunOptions {
             threads: 2,
-            memory: 1 << 30,
-            targets: Vec::new(),
-            forced: BTreeSet::new(),
-            fail_fast: false,
-            surroundings: Surroundings { mirrors: Vec::new(), offline: true },
+            surroundings: Surroundings { offline: true, ..Surroundings::default() },
             output_dir: folder.path().join("out"),
             run_id: "fuzz".to_owned(),
+            ..RunOptions::default()
         };
         run::run(&graph, &LIBRARY, &store, &options, &mut outputs);
     }

@@ -1,11 +1,10 @@
 //! A run over more data than its memory budget stays within it. The run is a process of its own, so
 //! that its peak can be read.
 
-use std::{collections::BTreeSet, fmt::Write, fs, path::Path, process::Command};
+use std::{fmt::Write, fs, path::Path, process::Command};
 
 use sinew::engine::{
     events::Silent,
-    node::Surroundings,
     pipeline::{self, Settings},
     run::{self, RunOptions},
     store::{Access, Store},
@@ -49,14 +48,10 @@ fn child() {
         .unwrap_or_else(|e| panic!("{}", e.render(false)));
     let store = Store::open(&folder.join("cache"), Access::ReadWrite).unwrap();
     let options = RunOptions {
-        threads: 1,
         memory: BUDGET,
-        targets: Vec::new(),
-        forced: BTreeSet::new(),
-        fail_fast: false,
-        surroundings: Surroundings::default(),
         output_dir: folder.join("out"),
         run_id: "memory".to_owned(),
+        ..RunOptions::default()
     };
     let report = run::run(&graph, &TOY, &store, &options, &mut Silent);
     assert!(report.succeeded());

@@ -1,11 +1,12 @@
 //! What a sound pipeline file expands to.
 
-use std::{fs, path::Path};
+use std::{fs, path::Path, time::Duration};
 
 use sinew::{
     engine::{
         graph::Graph,
         pipeline::{self, Settings},
+        settings::{Isolation, NodeSettings},
         toy::TOY,
     },
     report::graph,
@@ -272,4 +273,26 @@ fn no_damage_to_a_file_makes_the_reader_panic() {
         read(&format!("{before}\"{rest}"));
         read(&format!("{before}[{rest}"));
     }
+}
+
+#[test]
+fn how_a_node_is_run_is_no_parameter_and_is_handed_to_inner_nodes() {
+    let inner = "[inputs]\nx = \"number\"\n[nodes.a]\nkind = \"add\"\nterms = \"@x\"\nretries = 5\n\
+                 [nodes.b]\nkind = \"add\"\nterms = \"@a\"\nisolate = false\n[outputs]\ny = \"@b\"\n";
+    let outer = "[params]\nlimit = \"2m\"\n[nodes.one]\nkind = \"number\"\n\
+                 [nodes.p]\nkind = \"pipeline\"\nfile = \"inner.toml\"\nx = \"@one\"\nretries = 2\n\
+                 backoff = \"250ms\"\ntimeout = \"${limit}\"\nisolate = { memory = \"1 GB\" }\n";
+    let files = [("pipeline.toml", outer), ("inner.toml", inner)];
+    let graph = load_from(tempfile::tempdir().unwrap().path(), &files, &["p.retries=7"]);
+    let settings = |node: &str| graph.instances[graph.select(node)[0]].settings.clone();
+    assert_eq!(settings("one"), NodeSettings::default());
+    let given = NodeSettings {
+        retries: 7,
+        backoff: Duration::from_millis(250),
+        timeout: Some(Duration::from_secs(120)),
+        isolate: Some(Isolation { memory: Some(1 << 30) }),
+    };
+    assert_eq!(settings("p/a"), NodeSettings { retries: 5, ..given.clone() });
+    assert_eq!(settings("p/b"), NodeSettings { isolate: None, ..given });
+    assert_eq!(param(&graph, "p/a", "retries"), serde_json::Value::Null);
 }

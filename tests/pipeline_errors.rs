@@ -529,7 +529,9 @@ fn inner_pipelines() {
     check_use(
         &format!("{file}x = \"@one\""),
         &inner.replace("x = \"number\"", "x = \"text\""),
-        &["7:5: `x` takes `text`, but this is `number`"],
+        &[
+            "7:5: `x` takes `text`, but this is `number` (a `gather` node makes `text` from `number`)",
+        ],
     );
     check_use(
         &format!("{file}x = \"@one\""),
@@ -583,4 +585,75 @@ fn a_file_that_is_not_there() {
     let diagnostics = pipeline::load(&path, &TOY, &Settings::default()).err().unwrap();
     let message = &diagnostics.list[0].message;
     assert_eq!(*message, format!("there is no file `{}`", path.display()));
+}
+
+#[test]
+fn keys_of_every_node() {
+    let text = |keys: &str| format!("[nodes.one]\nkind = \"number\"\n{keys}\n");
+    check(&text("retries = 3\nbackoff = 0\ntimeout = \"10m\"\nisolate = true"), &[]);
+    check(&text("timeout = 0.5\nisolate = { memory = \"4 GB\" }"), &[]);
+    for (keys, expected) in [
+        ("retries = -1", "3:11: `retries` must be an integer from 0 to 100, but is -1"),
+        ("retries = 1.5", "3:11: `retries` must be an integer from 0 to 100, but is 1.5"),
+        ("retires = 1", "3:1: kind `number` has no key `retires` (did you mean `retries`?)"),
+        ("timeout = 0", "3:11: `timeout` must be above 0"),
+        ("timeout = -1", "3:11: `timeout` must be a number of seconds, but is -1"),
+        (
+            "timeout = [1]",
+            "3:11: `timeout` must be seconds or a text like \"10m\", but is a list of 1 value",
+        ),
+        (
+            "timeout = \"3 days\"",
+            "3:11: `timeout` is wrong: `days` is no unit of time: `ms`, `s`, `m` and `h` are",
+        ),
+        (
+            "backoff = \"soon\"",
+            "3:11: `backoff` is wrong: `soon` is no unit of time: `ms`, `s`, `m` and `h` are",
+        ),
+        (
+            "isolate = \"yes\"",
+            "3:11: `isolate` must be `true`, `false` or a table with a `memory`, but is the text \"yes\"",
+        ),
+        (
+            "isolate = { memroy = 1 }",
+            "3:13: `isolate` has no key `memroy` (did you mean `memory`?)",
+        ),
+        (
+            "isolate = { memory = 0 }",
+            "3:22: `isolate.memory` must be a size such as \"4 GB\", but is 0",
+        ),
+        (
+            "isolate = { memory = \"4 GX\" }",
+            "3:22: `isolate.memory` is wrong: `GX` is no unit: K, M, G and T are",
+        ),
+    ] {
+        check(&text(keys), &[expected]);
+    }
+    check_settings(
+        &text(""),
+        None,
+        &["one.retries=many"],
+        &["--set:1:13: `retries` must be an integer from 0 to 100, but is the text \"many\""],
+    );
+}
+
+#[test]
+fn an_inner_pipeline_has_no_parameter_that_is_a_key_of_every_node() {
+    let inner = "[inputs]\ntimeout = \"number\"\n[params]\nretries = 2\n[nodes.a]\n\
+                 kind = \"number\"\nvalue = \"${retries}\"\n";
+    let outer =
+        format!("{ONE}[nodes.p]\nkind = \"pipeline\"\nfile = \"inner.toml\"\ntimeout = 3\n");
+    let hint = "(this file is used as a node)";
+    check_files(
+        &[("pipeline.toml", &outer), ("inner.toml", inner)],
+        &[
+            "4:8: `p.timeout` is not wired",
+            &format!(
+                "inner.toml:2:1: `timeout` is a key of every node and needs another name {hint}"
+            ),
+            &format!(
+                "inner.toml:4:1: `retries` is a key of every node and needs another name {hint}"
+            ),
+        ],
+    );
 }

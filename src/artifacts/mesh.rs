@@ -1,5 +1,11 @@
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder, Format};
-use crate::kernels::io::{glb, obj, off, ply, stl};
+use crate::kernels::io::{
+    glb,
+    gltf::GltfOptions,
+    obj, off, ply,
+    read::{EXTENSIONS, read_character},
+    stl,
+};
 use crate::kernels::mesh::{TriMesh, Vec3};
 
 impl Artifact for TriMesh {
@@ -16,6 +22,8 @@ impl Artifact for TriMesh {
         Format { extension: "stl", doc: "Binary, single precision, corners not joined." },
         Format { extension: "glb", doc: "glTF, single precision." },
     ];
+
+    const IMPORTS: &'static [&'static str] = &EXTENSIONS;
 
     fn encode<'a>(&'a self, to: &mut Encoder<'a>) {
         put_points(to, "vertices", self.vertices());
@@ -46,6 +54,11 @@ impl Artifact for TriMesh {
             .bytes),
             _ => Err(format!("a mesh cannot be written as .{extension}")),
         }
+    }
+
+    fn import(extension: &str, bytes: &[u8]) -> Result<Self, String> {
+        let character = read_character(extension, bytes, &|_| None, GltfOptions::default());
+        character.map(|it| it.mesh).map_err(|e| e.to_string())
     }
 
     fn summary(&self) -> Vec<(String, String)> {

@@ -3,12 +3,14 @@
 mod basis;
 mod clip;
 mod descriptors;
+mod figure;
 mod files;
 mod functional_map;
 mod image;
 mod landmarks;
 mod matrix;
 mod mesh;
+mod npz;
 mod operator;
 mod point_map;
 mod regressor;
@@ -17,10 +19,11 @@ mod skeleton;
 mod sparse;
 mod spectral_regressor;
 mod table;
+mod text;
 mod weights;
 
 use crate::engine::{
-    artifact::{ArtifactKind, Decoder, Dtype, Format},
+    artifact::{AnyArtifact, ArtifactKind, Decoder, Dtype, Format},
     library::CommonFormat,
 };
 use crate::kernels::{
@@ -35,6 +38,7 @@ pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::basis::Basis>(),
     ArtifactKind::of::<kernels::clip::Clip>(),
     ArtifactKind::of::<kernels::descriptors::Descriptors>(),
+    ArtifactKind::of::<kernels::figure::Figure>(),
     ArtifactKind::of::<kernels::files::FileSet>(),
     ArtifactKind::of::<kernels::functional_map::FunctionalMap>(),
     ArtifactKind::of::<kernels::image::Image>(),
@@ -47,8 +51,34 @@ pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::skeleton::Skeleton>(),
     ArtifactKind::of::<kernels::regressor::SpectralRegressor>(),
     ArtifactKind::of::<kernels::table::Table>(),
+    ArtifactKind::of::<kernels::text::Text>(),
     ArtifactKind::of::<kernels::weights::SkinWeights>(),
 ];
+
+/// The type of this name.
+pub fn kind(name: &str) -> Option<&'static ArtifactKind> {
+    let index = ALL.binary_search_by(|it| it.ty.name.cmp(name)).ok()?;
+    Some(&ALL[index])
+}
+
+/// Extensions of files with the arrays of any artifact that [`import`] reads.
+pub const COMMON_IMPORTS: [&str; 2] = ["npz", "safetensors"];
+
+/// Reads an artifact of a type from a file that another program wrote, by its extension: one of
+/// [`COMMON_IMPORTS`], or one of the type's own. Returns the artifact and the bytes to store.
+///
+/// # Errors
+/// If the file does not hold an artifact of this type.
+pub fn import(
+    kind: &ArtifactKind,
+    extension: &str,
+    bytes: &[u8],
+) -> Result<(AnyArtifact, Vec<u8>), String> {
+    match extension {
+        "npz" => kind.import("safetensors", &npz::tensors_of_npz(bytes)?),
+        _ => kind.import(extension, bytes),
+    }
+}
 
 /// Formats that hold the arrays of any artifact.
 pub static COMMON_FORMATS: &[CommonFormat] = &[
@@ -75,7 +105,7 @@ fn npz(decoder: &Decoder<'_>) -> Vec<u8> {
                 Dtype::U16 => "<u2",
                 Dtype::U8 => "|u1",
             };
-            NpyArray { name, dtype, shape: &it.shape, bytes: it.bytes }
+            NpyArray { name, dtype, shape: &it.shape, bytes: &it.bytes }
         })
         .collect();
     write_npz(&arrays)

@@ -5,11 +5,12 @@ use std::{collections::BTreeSet, path::Path, time::Duration};
 use anstream::println;
 use clap::Subcommand;
 
-use super::{Exit, Failure, LIBRARY, Ui, common::StoreArgs, run::parse_size, style};
+use super::{Exit, Failure, LIBRARY, Ui, common::StoreArgs, style};
 use crate::engine::{
     clock::{show_bytes, show_duration},
     digest::Digest,
     record::NodeDone,
+    settings::parse_size,
     store::{
         gc::{self, GcError, GcOptions, GcReport},
         pins,
@@ -128,7 +129,7 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
             let (entries, objects) = (report.entries, report.objects);
             let n_damaged = report.damaged.len();
             println!("{entries} entries and {objects} artifacts, {n_damaged} damaged");
-            Ok(if n_damaged == 0 { Exit::Success } else { Exit::Environment })
+            Ok(if n_damaged == 0 { Exit::Success } else { Exit::Stale })
         }
     }
 }

@@ -1,22 +1,21 @@
 //! `sinew explain`: what one result is made from, and why it would (not) be computed again.
 
-use std::{collections::BTreeSet, time::Duration};
+use std::collections::BTreeSet;
 
 use anstream::println;
+use indexmap::IndexMap;
 use petgraph::graph::NodeIndex;
 
 use super::{
     Exit, Failure, Ui,
     common::{self, StoreArgs},
     pipeline_args::PipelineArgs,
-    style,
+    runs, style, told,
 };
 use crate::engine::{
-    clock::{iso_utc, show_bytes, show_duration},
-    graph::Graph,
-    key::{Difference, Key},
-    plan::{self, Memory, Plan, Reason, Status},
-    store::{Entry, Store},
+    key::Key,
+    plan::{self, Memory, Reason, Status},
+    why::{self, PlanCauses, Step, Tense},
 };
 
 /// Tell what a node's result is made from, and why it would run or not
@@ -30,20 +29,29 @@ pub struct Args {
 
     #[command(flatten)]
     store: StoreArgs,
+
+    /// Tells what happened to it in a run instead: `last`, `last~1`, or the beginning of a name
+    #[arg(long, value_name = "RUN")]
+    run: Option<String>,
 }
 
 pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
+    if let Some(run) = &args.run {
+        let record = runs::find(&args.store.cache, run)?;
+        return told::tell(&record, &args.node, &args.store, ui);
+    }
     let graph = args.pipeline.load()?;
     let store = args.store.open_read_only()?;
     let index = common::find(&graph, &args.node)?;
     let memory = common::memory(&store, &graph);
     let plan = plan::plan(&graph, &[index], &BTreeSet::new(), &memory);
     let key = plan.keys[index.index()].as_ref();
+    let causes = PlanCauses::new(&graph, &plan, &memory);
     if ui.json {
-        print_json(&graph, index, &plan, key);
+        print_json(index, &causes, key);
         return Ok(Exit::Success);
     }
-    print_status(&graph, index, &plan);
+    print_status(index, &causes);
     if let Some(key) = key {
         print_key(key);
     }
@@ -51,57 +59,61 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
     if let Some((digest, entry)) = last.and_then(|it| Some((it, store.entry(&it)?))) {
         println!();
         println!("{:>10}  {}", "last", digest.short());
-        print_entry(&entry, &store);
+        told::print_entry(&entry, &store);
     }
     Ok(Exit::Success)
 }
 
-fn print_status(graph: &Graph, index: NodeIndex, plan: &Plan) {
+fn print_status(index: NodeIndex, causes: &PlanCauses<'_>) {
+    let PlanCauses { graph, plan, .. } = causes;
     let instance = &graph.instances[index];
     let id = instance.id();
-    let (head, good) = (style::HEAD, style::GOOD);
+    let (head, good, warn) = (style::HEAD, style::GOOD, style::WARN);
     let spec = &instance.kind.spec;
     println!(
         "{head}{id}{head:#}  {} (version {}), {}",
         spec.kind,
         spec.version,
-        graph.show_place(&instance.place)
+        causes.places.show(graph, &instance.place)
     );
     match &plan.statuses[index.index()] {
         Status::Cached { key } => {
             println!("{:>10}  its result is stored under {}", "cached", key.short())
         }
-        Status::Run { reason: Reason::Changed(differences), .. } => {
+        Status::Run { reason: reason @ Reason::Changed(_), .. } => {
             println!("{good}{:>10}{good:#}  its key is another one than last time", "would run");
-            print_causes(graph, index, plan, differences);
+            let why = causes.why(index, reason);
+            told::print_steps(&why::chain(&why, Tense::Would, &|it| causes.standing(it)), 0);
         }
         Status::Run { reason, .. } => println!("{good}{:>10}{good:#}  {reason}", "would run"),
-        Status::Follows { after } => {
-            let after = graph.instances[*after].id();
+        Status::Follows { .. } => {
             println!(
-                "{:>10}  `{after}` would run first; if that gives what it gave before, this will not",
+                "{warn}{:>10}{warn:#}  if these give what they gave before, this will not run:",
                 "follows"
             );
+            print_roots(index, causes);
         }
         Status::Blocked(error) => println!("{:>10}  {}", "blocked", error.message(graph)),
         Status::NotWanted => {}
     }
 }
 
-/// Where each changed thing is written, or which node made it.
-fn print_causes(graph: &Graph, index: NodeIndex, plan: &Plan, differences: &[Difference]) {
-    let instance = &graph.instances[index];
-    for difference in differences {
-        let field = difference.what.split_once('.').map_or(difference.what.as_str(), |it| it.1);
-        let place = instance.field_places.get(field).map(|it| graph.show_place(it));
-        let place = place.unwrap_or_else(|| graph.show_place(&instance.place));
-        println!("{:>12}{difference}  {place}", "");
-        for from in instance.inputs.get(field).into_iter().flatten() {
-            let producer = graph.instances[from.instance].id();
-            if let Status::Run { reason, .. } = &plan.statuses[from.instance.index()] {
-                println!("{:>14}from `{producer}`, which would run: {reason}", "");
-            }
-        }
+/// The instances that run for certain before one that follows; those with one reason together.
+fn print_roots(index: NodeIndex, causes: &PlanCauses<'_>) {
+    let mut groups: IndexMap<String, (Vec<String>, Vec<Step>)> = IndexMap::new();
+    for root in why::roots(causes.graph, index, causes.plan) {
+        let Status::Run { reason, .. } = &causes.plan.statuses[root.index()] else { continue };
+        let why = causes.why(root, reason);
+        let headline = why::headline(&why, &|it| causes.standing(it));
+        let group = groups.entry(headline).or_insert_with(|| {
+            (Vec::new(), why::chain(&why, Tense::Would, &|it| causes.standing(it)))
+        });
+        group.0.push(causes.graph.instances[root].id());
+    }
+    for (ids, steps) in groups.values() {
+        let name = why::name_some(ids);
+        told::print_steps(&[Step { depth: 0, text: format!("{name} would run:") }], 0);
+        told::print_steps(steps, 1);
     }
 }
 
@@ -114,6 +126,9 @@ fn print_key(key: &Key) {
     for (name, digest) in &key.files {
         println!("{:>12}file `{name}`  {}", "", digest.short());
     }
+    for (name, fact) in &key.facts {
+        println!("{:>12}fact `{name}`  {fact}", "");
+    }
     for (port, digests) in &key.inputs {
         let list: Vec<String> = digests
             .iter()
@@ -123,31 +138,27 @@ fn print_key(key: &Key) {
     }
 }
 
-fn print_entry(entry: &Entry, store: &Store) {
-    let made = std::time::UNIX_EPOCH + Duration::from_secs(entry.made);
-    let took = show_duration(Duration::from_secs_f64(entry.wall_secs));
-    println!("{:>12}made by run {} at {}, took {took}", "", entry.run, iso_utc(made));
-    for output in &entry.outputs {
-        let gone = if store.has_object(&output.digest) { "" } else { "  (no longer stored)" };
-        let (size, digest) = (show_bytes(output.bytes), output.digest.short());
-        println!("{:>12}{}: {}  {size}  {digest}{gone}", "", output.port, output.ty);
-    }
-    for (port, why) in &entry.absent {
-        println!("{:>12}{port}: none, {why}", "");
-    }
-    for note in &entry.notes {
-        println!("{:>12}note: {note}", "");
-    }
-}
-
-fn print_json(graph: &Graph, index: NodeIndex, plan: &Plan, key: Option<&Key>) {
-    let (status, why) = match &plan.statuses[index.index()] {
-        Status::Cached { .. } => ("cached", None),
-        Status::Run { reason, .. } => ("run", Some(reason.to_string())),
-        Status::Follows { after } => ("follows", Some(graph.instances[*after].id())),
-        Status::Blocked(error) => ("blocked", Some(error.message(graph))),
-        Status::NotWanted => ("not_wanted", None),
+fn print_json(index: NodeIndex, causes: &PlanCauses<'_>, key: Option<&Key>) {
+    let PlanCauses { graph, plan, .. } = causes;
+    let id = |it: &NodeIndex| graph.instances[*it].id();
+    let (status, text, why) = match &plan.statuses[index.index()] {
+        Status::Cached { .. } => ("cached", None, None),
+        Status::Run { reason, .. } => {
+            ("run", Some(reason.to_string()), Some(causes.why(index, reason)))
+        }
+        Status::Follows { after } => ("follows", Some(id(after)), None),
+        Status::Blocked(error) => ("blocked", Some(error.message(graph)), None),
+        Status::NotWanted => ("not_wanted", None, None),
     };
-    let node = graph.instances[index].id();
-    println!("{}", serde_json::json!({ "node": node, "status": status, "why": why, "key": key }));
+    let chain = why.as_ref().map(|it| why::chain(it, Tense::Would, &|id| causes.standing(id)));
+    let chain: Vec<String> = chain.into_iter().flatten().map(|it| it.text).collect();
+    let roots: Vec<String> = match plan.statuses[index.index()] {
+        Status::Follows { .. } => why::roots(graph, index, plan).iter().map(id).collect(),
+        _ => Vec::new(),
+    };
+    let line = serde_json::json!({
+        "node": id(&index), "status": status, "text": text, "why": why, "chain": chain,
+        "after": roots, "key": key,
+    });
+    println!("{line}");
 }

@@ -6,6 +6,7 @@ mod cache;
 mod check;
 mod common;
 mod completions;
+mod diff;
 mod explain;
 mod graph;
 mod new;
@@ -17,8 +18,14 @@ mod run;
 mod runs;
 mod schema;
 mod show;
+mod signals;
 mod style;
+mod summary;
+mod told;
 mod ui;
+mod verify;
+mod watch;
+mod worker;
 
 use std::{path::PathBuf, process::ExitCode};
 
@@ -70,9 +77,12 @@ struct GlobalArgs {
 enum Command {
     Run(run::Args),
     Plan(plan::Args),
+    Watch(watch::Args),
     Explain(explain::Args),
     Show(show::Args),
     Runs(runs::Args),
+    Diff(diff::Args),
+    Verify(verify::Args),
     Cache(cache::Args),
     Check(check::Args),
     Graph(graph::Args),
@@ -80,6 +90,8 @@ enum Command {
     New(new::Args),
     Schema(schema::Args),
     Completions(completions::Args),
+    #[command(hide = true)]
+    Worker(worker::Args),
 }
 
 /// How a command ended, if it could do its work.
@@ -91,7 +103,13 @@ pub enum Exit {
     Invalid = 2,
     /// Disk, network, permissions.
     Environment = 3,
+    /// What is stored is not what it should be: out of date, damaged, or not made again alike.
+    Stale = 4,
+    /// A number is beyond the limit that was given.
+    Threshold = 5,
     Bug = 101,
+    /// Stopped by Ctrl-C or another signal.
+    Interrupted = 130,
 }
 
 /// Why a command could not do its work.
@@ -140,16 +158,20 @@ pub fn main() -> ExitCode {
 fn start(command: Command, ui: &Ui) -> Result<Exit, Failure> {
     match command {
         Command::Run(args) => run::run(&args, ui),
+        Command::Watch(args) => watch::run(&args, ui),
+        Command::Verify(args) => verify::run(&args, ui),
         Command::Plan(args) => plan::run(&args, ui),
         Command::Explain(args) => explain::run(&args, ui),
         Command::Show(args) => show::run(&args, ui),
         Command::Runs(args) => runs::run(&args, ui),
+        Command::Diff(args) => diff::run(&args, ui),
         Command::Cache(args) => cache::run(&args, ui),
         Command::Check(args) => check::run(&args, ui),
         Command::Graph(args) => graph::run(&args, ui),
         Command::Nodes(args) => nodes::run(&args, ui),
         Command::New(args) => new::run(&args, ui),
         Command::Schema(args) => schema::run(&args, ui),
+        Command::Worker(args) => worker::run(&args),
         Command::Completions(args) => completions::run(&args, &mut Cli::command()),
     }
 }

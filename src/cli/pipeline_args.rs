@@ -50,6 +50,13 @@ impl SettingsArgs {
         Ok(pipeline::load(file, &LIBRARY, &self.to_settings())?)
     }
 
+    /// As they are written on a command line.
+    pub fn to_words(&self) -> Vec<String> {
+        let profile = self.profile.iter().flat_map(|it| ["--profile", it]);
+        let set = self.set.iter().flat_map(|it| ["--set", it]);
+        profile.chain(set).map(str::to_owned).collect()
+    }
+
     pub fn to_settings(&self) -> Settings {
         Settings {
             profile: self.profile.clone(),

@@ -1,16 +1,21 @@
 //! What a run shows while it goes: lines for people on standard error.
 
-use std::{collections::BTreeMap, time::Duration};
+use std::{
+    collections::{BTreeMap, HashMap},
+    io::Write,
+    time::Duration,
+};
 
-use anstream::eprintln;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use petgraph::graph::NodeIndex;
 
-use super::style;
+use super::{style, summary::go_on};
 use crate::engine::{
     clock::{show_bytes, show_duration},
     events::{Event, ExportOutcome, Failure, Observer, Outcome},
     graph::Graph,
+    settings::show_limit,
+    why::{self, Places, Standing, Why},
 };
 
 /// How much is shown.
@@ -30,6 +35,9 @@ pub struct Progress {
     live: Option<Live>,
     /// Names are padded to this width.
     width: usize,
+    places: Places,
+    /// Why instances ran so far, by name: what comes later says what it comes from.
+    whys: HashMap<String, Why>,
 }
 
 /// The moving part at the bottom of a terminal.
@@ -50,7 +58,13 @@ impl Progress {
             total.set_style(ProgressStyle::with_template(template).expect("a valid template"));
             Live { bars, total, running: BTreeMap::new() }
         });
-        Self { detail, live, width: width.unwrap_or(0).min(40) }
+        Self {
+            detail,
+            live,
+            width: width.unwrap_or(0).min(40),
+            places: Places::default(),
+            whys: HashMap::new(),
+        }
     }
 
     /// Takes the moving part away.
@@ -63,9 +77,11 @@ impl Progress {
 
     fn line(&self, word: &str, style: anstyle::Style, rest: &str) {
         let text = format!("{style}{word:>10}{style:#}  {rest}");
+        // A terminal that has gone away does not stop the run.
+        let write = || drop(writeln!(anstream::stderr(), "{text}"));
         match &self.live {
-            Some(live) => live.bars.suspend(|| eprintln!("{text}")),
-            None => eprintln!("{text}"),
+            Some(live) => live.bars.suspend(write),
+            None => write(),
         }
     }
 
@@ -84,7 +100,11 @@ impl Progress {
         match outcome {
             Outcome::Ran { wall, reason, notes } if self.detail != Detail::Quiet => {
                 let time = show_duration(*wall);
-                self.line("ran", style::GOOD, &format!("{padded}  {time:>8}  {reason}"));
+                let why = Why::of(graph, index, reason, &self.places);
+                let look_up = |id: &str| self.whys.get(id).map(|it| Standing::Runs(it.clone()));
+                let text = why::headline(&why, &look_up);
+                self.line("ran", style::GOOD, &format!("{padded}  {time:>8}  {text}"));
+                self.whys.insert(id.clone(), why);
                 for note in notes {
                     self.line("note", style::NOTE, &format!("{id}: {note}"));
                 }
@@ -107,6 +127,28 @@ impl Progress {
             }
             _ => {}
         }
+    }
+
+    fn retrying(&mut self, graph: &Graph, index: NodeIndex, what: &str, failure: &Failure) {
+        if let Some(live) = &mut self.live
+            && let Some(bar) = live.running.remove(&index)
+        {
+            bar.finish_and_clear();
+        }
+        if self.detail != Detail::Quiet {
+            let id = graph.instances[index].id();
+            let (width, message) = (self.width, show_failure(failure));
+            self.line("retry", style::WARN, &format!("{id:width$}  {what}: {message}"));
+        }
+    }
+
+    fn stopping(&self, n_running: usize) {
+        let nodes = super::ui::count(n_running, "running node");
+        let text = match n_running {
+            0 => "nothing is running".to_owned(),
+            _ => format!("waits for {nodes}; Ctrl-C again ends at once"),
+        };
+        self.line("stopping", style::WARN, &text);
     }
 
     fn exported(&self, graph: &Graph, rule: usize, outcome: &ExportOutcome) {
@@ -173,6 +215,15 @@ impl Observer for Progress {
                     let id = graph.instances[instance].id();
                     self.line("waiting", style::NOTE, &format!("{id}  another run computes it"));
                 }
+            }
+            Event::Retrying { instance, retry, retries, wait, failure } => {
+                let what = format!("{retry}/{retries} in {}", show_limit(wait));
+                self.retrying(graph, instance, &what, failure);
+            }
+            Event::Stopping { .. } if self.detail == Detail::Quiet => {}
+            Event::Stopping { now: false, n_running, .. } => self.stopping(n_running),
+            Event::Stopping { now: true, n_done, n_wanted, .. } => {
+                self.line("stopped", style::WARN, &go_on(n_done, n_wanted));
             }
             Event::Finished { instance, outcome, .. } => self.finished(graph, instance, outcome),
             Event::Exported { rule, outcome } => self.exported(graph, rule, outcome),

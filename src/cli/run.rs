@@ -1,21 +1,27 @@
 //! `sinew run`: brings a pipeline up to date.
 
-use std::{path::PathBuf, time::Instant, time::SystemTime};
+use std::{
+    io::Write,
+    path::PathBuf,
+    time::{Instant, SystemTime},
+};
 
 use super::{
     Exit, Failure, Ui,
     common::{self, StoreArgs},
     pipeline_args::PipelineArgs,
     progress::Progress,
-    style,
+    signals,
+    summary::summarize,
 };
 use crate::engine::{
-    clock::{self, show_duration},
+    clock,
     events::{Event, Observer, RunReport},
     graph::Graph,
     node::Surroundings,
     record::{self, Liner, RECORD_VERSION, Recorder, RunStart, SourceText},
-    run::{self, RunOptions},
+    run::{self, RunOptions, WorkerProgram},
+    settings::parse_size,
     store::{Access, Store},
 };
 
@@ -23,7 +29,7 @@ use crate::engine::{
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    pipeline: PipelineArgs,
+    pub pipeline: PipelineArgs,
 
     /// Nodes to bring up to date with all they need; all if none is named
     nodes: Vec<String>,
@@ -65,23 +71,34 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
-    let graph = args.pipeline.load()?;
+    run_graph(&args.pipeline.load()?, args, ui)
+}
+
+/// Runs a pipeline that has been read.
+pub fn run_graph(graph: &Graph, args: &Args, ui: &Ui) -> Result<Exit, Failure> {
+    let store =
+        if args.read_only_cache { args.store.open_read_only()? } else { args.store.open()? };
     let options = RunOptions {
         threads: args.jobs.unwrap_or_else(available_threads).max(1),
         memory: args.mem.unwrap_or_else(default_memory),
-        targets: common::select_all(&graph, &args.nodes)?,
-        forced: common::select_all(&graph, &args.force)?.into_iter().collect(),
+        targets: common::select_all(graph, &args.nodes)?,
+        forced: common::select_all(graph, &args.force)?.into_iter().collect(),
         fail_fast: args.fail_fast,
-        surroundings: Surroundings { mirrors: args.mirror.clone(), offline: args.offline },
+        surroundings: Surroundings {
+            mirrors: args.mirror.clone(),
+            offline: args.offline,
+            isolated: false,
+        },
         output_dir: args.out.clone(),
-        run_id: record::new_run_id(),
+        run_id: record::new_run_id(store.dir()),
+        worker: Some(this_program()),
+        stop: signals::stop_requests()
+            .map_err(|e| Failure::environment(format_args!("cannot listen for Ctrl-C: {e}")))?,
     };
-    let store =
-        if args.read_only_cache { args.store.open_read_only()? } else { args.store.open()? };
-    let start = run_start(&graph, &options);
-    let mut watch = Watch::new(&graph, &store, &start, ui);
-    let report = run::run(&graph, &crate::LIBRARY, &store, &options, &mut watch);
-    watch.end(&report, &graph, ui, &options.run_id);
+    let start = run_start(graph, &options);
+    let mut watch = Watch::new(graph, &store, &start, ui);
+    let report = run::run(graph, &crate::LIBRARY, &store, &options, &mut watch);
+    watch.end(&report, graph, args, ui, &options.run_id);
     exit_code(&report, &store)
 }
 
@@ -103,7 +120,7 @@ impl Watch {
         Self { progress: Progress::new(graph, ui.detail, ui.live), recorder, json }
     }
 
-    fn end(mut self, report: &RunReport, graph: &Graph, ui: &Ui, run_id: &str) {
+    fn end(mut self, report: &RunReport, graph: &Graph, args: &Args, ui: &Ui, run_id: &str) {
         self.progress.finish();
         if let Some(json) = &self.json {
             print_line(&json.done(report));
@@ -112,7 +129,7 @@ impl Watch {
             recorder.done(report);
         }
         if ui.detail != super::progress::Detail::Quiet {
-            summarize(report, graph, run_id);
+            summarize(report, graph, &args.pipeline, run_id);
         }
     }
 }
@@ -130,31 +147,14 @@ impl Observer for Watch {
 }
 
 fn print_line(line: &record::Line) {
-    println!("{}", serde_json::to_string(line).expect("lines are plain data"));
+    let text = serde_json::to_string(line).expect("lines are plain data");
+    // A reader that has gone away (`| head`) does not stop the run.
+    let _ = writeln!(std::io::stdout(), "{text}");
 }
 
-/// The last line: what came of it.
-fn summarize(report: &RunReport, graph: &Graph, run_id: &str) {
-    let counts = report.counts();
-    let time = show_duration(report.wall);
-    let (head, text) = if report.succeeded() && counts.ran == 0 {
-        let n = counts.cached + counts.cut_off;
-        (style::GOOD, format!("{n} nodes up to date in {time}"))
-    } else {
-        let named = [
-            (counts.ran, "ran"),
-            (counts.cached, "cached"),
-            (counts.cut_off, "cut off"),
-            (counts.failed, "failed"),
-            (counts.skipped, "skipped"),
-        ];
-        let parts: Vec<String> =
-            named.iter().filter(|it| it.0 > 0).map(|(n, what)| format!("{n} {what}")).collect();
-        let head = if report.succeeded() { style::GOOD } else { style::BAD };
-        (head, format!("{} of {} nodes in {time}", parts.join(", "), graph.instances.node_count()))
-    };
-    let note = style::NOTE;
-    anstream::eprintln!("{head}{:>10}{head:#}  {text}  {note}(run {run_id}){note:#}", "Finished");
+/// This very program, also when its file has been replaced meanwhile.
+pub fn this_program() -> WorkerProgram {
+    WorkerProgram { path: "/proc/self/exe".into(), args: vec!["worker".to_owned()] }
 }
 
 fn exit_code(report: &RunReport, store: &Store) -> Result<Exit, Failure> {
@@ -166,6 +166,7 @@ fn exit_code(report: &RunReport, store: &Store) -> Result<Exit, Failure> {
     }
     Ok(match report {
         it if it.succeeded() => Exit::Success,
+        it if it.stopped => Exit::Interrupted,
         it if it.panicked() => Exit::Bug,
         it if it.environment_failed() => Exit::Environment,
         _ => Exit::NodeFailed,
@@ -191,31 +192,14 @@ fn run_start(graph: &Graph, options: &RunOptions) -> RunStart {
     }
 }
 
-fn available_threads() -> usize {
+pub fn available_threads() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// Half of the machine's memory.
-fn default_memory() -> u64 {
+pub fn default_memory() -> u64 {
     // SAFETY: plain system calls without memory.
     let (pages, size) =
         unsafe { (libc::sysconf(libc::_SC_PHYS_PAGES), libc::sysconf(libc::_SC_PAGESIZE)) };
     u64::try_from(pages).unwrap_or(1 << 20) * u64::try_from(size).unwrap_or(4096) / 2
-}
-
-/// `512M`, `8G`, `1.5 GB`, or bytes.
-pub fn parse_size(text: &str) -> Result<u64, String> {
-    let digits = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
-    let (number, unit) = text.split_at(digits);
-    let factor = match unit.trim().to_ascii_uppercase().trim_end_matches('B').trim_end_matches('I')
-    {
-        "" => 1u64,
-        "K" => 1 << 10,
-        "M" => 1 << 20,
-        "G" => 1 << 30,
-        "T" => 1 << 40,
-        _ => return Err(format!("`{unit}` is no unit: K, M, G and T are")),
-    };
-    let number: f64 = number.parse().map_err(|_| format!("`{text}` is no size, such as 8G"))?;
-    Ok((number * factor as f64) as u64)
 }

@@ -1,19 +1,24 @@
 //! `sinew runs`: the runs that were, and one of them told again.
 
-use std::{path::Path, time::Duration};
+use std::{collections::BTreeMap, path::Path, time::Duration};
 
-use super::{Exit, Failure, Ui, common::StoreArgs, style};
+use anstream::println;
+
+use super::{Exit, Failure, Ui, common::StoreArgs, style, told};
 use crate::engine::{
     clock::{show_bytes, show_duration},
     record::{self, Line, NodeDone, Record},
+    why,
 };
-use anstream::println;
 
 /// List the runs that are on record, or tell one of them again
 #[derive(clap::Args)]
 pub struct Args {
-    /// A run: the beginning of its name, or `latest`
+    /// A run: `last`, `last~1` for the one before, or the beginning of its name
     run: Option<String>,
+
+    /// Tells only what happened to this node, and why
+    node: Option<String>,
 
     #[command(flatten)]
     store: StoreArgs,
@@ -23,79 +28,102 @@ pub struct Args {
     number: usize,
 
     /// Prints the pipeline file of the run as it was
-    #[arg(long, requires = "run")]
+    #[arg(long, requires = "run", conflicts_with = "node")]
     pipeline: bool,
 }
 
 pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
     let dir = &args.store.cache;
-    match &args.run {
-        Some(name) => {
-            let record = find(dir, name)?;
-            if args.pipeline {
-                let text = record.start.sources.first().map_or("", |it| it.text.as_str());
-                print!("{text}");
-            } else {
-                tell(&record, ui);
-            }
+    let Some(name) = &args.run else {
+        for path in record::list(dir).iter().take(args.number) {
+            list(path, ui);
         }
-        None => {
-            for path in record::list(dir).iter().take(args.number) {
-                match Record::read(path) {
-                    Ok(record) => list(&record, ui),
-                    Err(error) => anstream::eprintln!("`{}`: {error}", path.display()),
-                }
-            }
-        }
+        return Ok(Exit::Success);
+    };
+    let record = find(dir, name)?;
+    if let Some(node) = &args.node {
+        return told::tell(&record, node, &args.store, ui);
+    }
+    if args.pipeline {
+        let text = record.start.sources.first().map_or("", |it| it.text.as_str());
+        print!("{text}");
+    } else {
+        tell(&record, ui);
     }
     Ok(Exit::Success)
 }
 
+/// The record of a run that the user names.
 pub fn find(dir: &Path, name: &str) -> Result<Record, Failure> {
-    let stem = |it: &Path| it.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let paths = record::list(dir);
-    let path = match name {
-        "latest" => paths.first(),
-        _ => paths.iter().find(|it| stem(it).starts_with(name)),
-    };
-    let Some(path) = path else {
-        return Err(Failure::usage(format_args!(
-            "there is no run `{name}` in `{}`",
-            dir.display()
-        )));
-    };
-    Record::read(path)
+    let path = record::find(dir, name).map_err(|error| {
+        Failure::usage(format_args!("{error}\nhint: `{}` is the cache", dir.display()))
+    })?;
+    Record::read(&path)
         .map_err(|e| Failure::environment(format_args!("cannot read `{}`: {e}", path.display())))
 }
 
-fn list(record: &Record, ui: &Ui) {
-    let done = record.lines.iter().find_map(|it| match it {
-        Line::RunDone { t, ran, cached, cut_off, failed, .. } => {
-            Some((*t, *ran, *cached + *cut_off, *failed))
-        }
-        _ => None,
-    });
-    let file = record.start.sources.first().map(|it| it.path.display().to_string());
-    if ui.json {
-        let start = &record.start;
-        let done = done.map(|(t, ran, cached, failed)| {
-            serde_json::json!({ "wall_s": t, "ran": ran, "cached": cached, "failed": failed })
-        });
-        let line = serde_json::json!({
-            "run": start.run, "time": start.time, "file": file, "title": start.title, "done": done,
-        });
-        println!("{line}");
-        return;
+/// How a run stands, in one word.
+fn status(path: &Path, record: &Record) -> &'static str {
+    match record.done() {
+        Some(Line::RunDone { failed: 0, skipped: 0, .. }) => "done",
+        Some(_) => "failed",
+        None if record::is_going_on(path) => "running",
+        None => "broken off",
     }
-    let text = match done {
-        Some((t, ran, cached, failed)) => {
-            let failed = if failed > 0 { format!(", {failed} failed") } else { String::new() };
-            format!("{ran} ran, {cached} cached{failed} in {}", show_secs(t))
+}
+
+fn list(path: &Path, ui: &Ui) {
+    let record = match Record::read(path) {
+        Ok(record) => record,
+        Err(error) if ui.json => {
+            let line = serde_json::json!({
+                "run": record::name(path), "status": "unreadable", "error": error.to_string(),
+            });
+            return println!("{line}");
         }
-        None => "did not end".to_owned(),
+        Err(error) => {
+            let (name, bad) = (record::name(path), style::BAD);
+            return println!("{name}  {bad}{:>10}{bad:#}  {error}", "unreadable");
+        }
     };
-    let head = style::HEAD;
-    println!("{head}{}{head:#}  {}  {text}", record.start.run, file.unwrap_or_default());
+    let status = status(path, &record);
+    let counts = counts(&record);
+    let secs = match record.done() {
+        Some(Line::RunDone { t, .. }) => Some(*t),
+        _ => None,
+    };
+    let start = &record.start;
+    let file = start.sources.first().map(|it| it.path.display().to_string());
+    if ui.json {
+        let line = serde_json::json!({
+            "run": start.run, "time": start.time, "file": file, "title": start.title,
+            "status": status, "wall_s": secs, "counts": counts,
+        });
+        return println!("{line}");
+    }
+    let style = match status {
+        "done" => style::GOOD,
+        "running" => style::HEAD,
+        _ => style::BAD,
+    };
+    let texts = counts.iter().map(|(what, n)| format!("{n} {}", what.replace('_', " ")));
+    let text = texts.collect::<Vec<_>>().join(", ");
+    let secs = secs.map(show_secs).unwrap_or_default();
+    let file = file.unwrap_or_default();
+    println!("{}  {style}{status:>10}{style:#}  {secs:>8}  {file}  {text}", start.run);
+}
+
+/// How many instances ended in each way, so far as the record goes.
+pub fn counts(record: &Record) -> BTreeMap<&str, usize> {
+    let mut last: BTreeMap<&str, &str> = BTreeMap::new();
+    for node in record.nodes() {
+        last.insert(&node.node, &node.status);
+    }
+    let mut counts = BTreeMap::new();
+    for status in last.into_values() {
+        *counts.entry(status).or_default() += 1;
+    }
+    counts
 }
 
 /// Tells a run as it was told when it went.
@@ -117,9 +145,14 @@ fn tell(record: &Record, ui: &Ui) {
         "with", start.version, start.threads, start.host
     );
     let width = record.nodes().map(|it| it.node.chars().count()).max().unwrap_or(0);
+    let whys = record.whys();
+    let standing = told::standings(record);
     for line in &record.lines {
         match line {
-            Line::NodeDone(node) => tell_node(node, width),
+            Line::NodeDone(node) => {
+                let why = whys.get(node.node.as_str()).filter(|_| node.status == "ran");
+                tell_node(node, why.map(|it| why::headline(it, &standing)), width);
+            }
             Line::Warning { text, .. } => {
                 println!("{}{:>10}{:#}  {text}", style::WARN, "warning", style::WARN);
             }
@@ -128,18 +161,31 @@ fn tell(record: &Record, ui: &Ui) {
                 let message = message.as_deref().unwrap_or_default();
                 println!("{status:>10}  {}  {size}{message}", path.display());
             }
-            Line::RunDone { t, ran, cached, cut_off, failed, skipped } => println!(
+            Line::NodeRetry { node, retry, retries, wait_s, message, .. } => {
+                let (word, warn, wait) = ("retry", style::WARN, show_secs(*wait_s));
+                let what = format!("{retry}/{retries} after {wait}: {message}");
+                println!("{warn}{word:>10}{warn:#}  {node:width$}  {what}");
+            }
+            Line::Stopping { t, now } => {
+                let (word, warn) = ("stopping", style::WARN);
+                let how = if *now { ", at once" } else { "" };
+                println!("{warn}{word:>10}{warn:#}  asked to after {}{how}", show_secs(*t));
+            }
+            Line::RunDone { t, ran, cached, cut_off, failed, skipped, stopped } => println!(
                 "{head}{:>10}{head:#}  {ran} ran, {cached} cached, {cut_off} cut off, {failed} \
                  failed, {skipped} skipped in {}",
-                "Finished",
-                show_secs(*t)
+                if *stopped { "Stopped" } else { "Finished" },
+                show_secs(*t),
             ),
             _ => {}
         }
     }
+    if record.done().is_none() {
+        println!("{:>10}  the record ends here", "Broken off");
+    }
 }
 
-fn tell_node(node: &NodeDone, width: usize) {
+fn tell_node(node: &NodeDone, headline: Option<String>, width: usize) {
     let style = match node.status.as_str() {
         "ran" => style::GOOD,
         "failed" => style::BAD,
@@ -147,7 +193,7 @@ fn tell_node(node: &NodeDone, width: usize) {
         _ => style::CACHED,
     };
     let time = node.wall_s.map(show_secs).unwrap_or_default();
-    let message = node.message.as_deref().unwrap_or_default();
+    let message = headline.or_else(|| node.message.clone()).unwrap_or_default();
     let status = node.status.replace('_', " ");
     println!("{style}{status:>10}{style:#}  {:width$}  {time:>8}  {message}", node.node);
     for note in &node.notes {
@@ -155,6 +201,7 @@ fn tell_node(node: &NodeDone, width: usize) {
     }
 }
 
-fn show_secs(secs: f64) -> String {
-    show_duration(Duration::from_secs_f64(secs.max(0.0)))
+pub fn show_secs(secs: f64) -> String {
+    // A damaged record may say anything.
+    show_duration(Duration::try_from_secs_f64(secs).unwrap_or_default())
 }

@@ -19,7 +19,7 @@ use crate::engine::{
     plan::{self, Outputs, Status},
     run::encode_artifact,
     store::Store,
-    tensors::{Dtype, RawArray},
+    tensors::RawArray,
 };
 
 /// Summarize the artifacts of a node: shapes, ranges, first rows
@@ -166,10 +166,9 @@ fn show(
 /// An array's shape and range, and its first rows.
 fn show_array(name: &str, array: &RawArray<'_>, n_rows: usize) {
     let shape: Vec<String> = array.shape.iter().map(ToString::to_string).collect();
-    let values = Numbers(array);
     let (mut low, mut high, mut n_bad) = (f64::INFINITY, f64::NEG_INFINITY, 0);
-    for index in 0..values.len() {
-        let value = values.get(index);
+    for index in 0..array.len() {
+        let value = array.number(index);
         if value.is_finite() {
             (low, high) = (low.min(value), high.max(value));
         } else {
@@ -189,7 +188,7 @@ fn show_array(name: &str, array: &RawArray<'_>, n_rows: usize) {
     for row in 0..n_rows.min(array.shape.first().copied().unwrap_or(0)) {
         let shown = n_columns.min(8);
         let cells: Vec<String> = (0..shown)
-            .map(|it| format!("{:>12}", short(values.get(row * n_columns + it))))
+            .map(|it| format!("{:>12}", short(array.number(row * n_columns + it))))
             .collect();
         println!("    {}{}", cells.join(" "), if n_columns > shown { "  …" } else { "" });
     }
@@ -205,34 +204,6 @@ fn short(value: f64) -> String {
         format!("{value:.*}", (5.0 - magnitude).max(0.0) as usize)
     } else {
         format!("{value:.5e}")
-    }
-}
-
-/// The numbers of an array, whatever their type.
-struct Numbers<'a>(&'a RawArray<'a>);
-
-impl Numbers<'_> {
-    fn len(&self) -> usize {
-        self.0.bytes.len() / self.0.dtype.size()
-    }
-
-    fn get(&self, index: usize) -> f64 {
-        let size = self.0.dtype.size();
-        let bytes = &self.0.bytes[index * size..(index + 1) * size];
-        macro_rules! read {
-            ($ty:ty) => {
-                <$ty>::from_le_bytes(bytes.try_into().expect("as long as the type")) as f64
-            };
-        }
-        match self.0.dtype {
-            Dtype::F64 => read!(f64),
-            Dtype::I64 => read!(i64),
-            Dtype::U64 => read!(u64),
-            Dtype::F32 => read!(f32),
-            Dtype::U32 => read!(u32),
-            Dtype::U16 => read!(u16),
-            Dtype::U8 => read!(u8),
-        }
     }
 }
 

@@ -15,6 +15,10 @@ pub struct ArtifactType {
     pub doc: &'static str,
 }
 
+/// What an input of an open kind takes: an artifact of any type. No artifact has this one.
+pub const ANY: ArtifactType =
+    ArtifactType { name: "any", version: 0, doc: "An artifact of any type." };
+
 /// A file format that a type of artifact can be exported to, beside the ones that all types share.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Format {
@@ -29,6 +33,9 @@ pub trait Artifact: Any + Send + Sync + Sized {
 
     /// What [`Artifact::export`] can write.
     const FORMATS: &'static [Format] = &[];
+
+    /// Extensions of the files that [`Artifact::import`] can read.
+    const IMPORTS: &'static [&'static str] = &[];
 
     /// Writes the value. The same value gives the same bytes.
     fn encode<'a>(&'a self, to: &mut Encoder<'a>);
@@ -48,6 +55,14 @@ pub trait Artifact: Any + Send + Sync + Sized {
     /// If this value cannot be written in this format, with the reason.
     fn export(&self, extension: &str) -> Result<Vec<u8>, String> {
         Err(format!("`{}` cannot be written as .{extension}", Self::TYPE.name))
+    }
+
+    /// Reads and checks a file that another program wrote, in one of [`Artifact::IMPORTS`].
+    ///
+    /// # Errors
+    /// If the file does not hold such a value.
+    fn import(extension: &str, _bytes: &[u8]) -> Result<Self, String> {
+        Err(format!("`{}` cannot be read from .{extension}", Self::TYPE.name))
     }
 }
 
@@ -114,10 +129,13 @@ pub fn digest_of(ty: ArtifactType, bytes: &[u8]) -> Digest {
 pub struct ArtifactKind {
     pub ty: ArtifactType,
     pub formats: &'static [Format],
+    /// Extensions of the files of other programs that can be read, beside `.safetensors`.
+    pub imports: &'static [&'static str],
     encode: fn(&dyn Any) -> Vec<u8>,
     decode: fn(&'static ArtifactKind, Digest, &[u8]) -> Result<AnyArtifact, DecodeError>,
     summary: fn(&dyn Any) -> Vec<(String, String)>,
     export: fn(&dyn Any, &str) -> Result<Vec<u8>, String>,
+    import: fn(&str, &[u8]) -> Result<(AnyArtifact, Vec<u8>), String>,
 }
 
 impl ArtifactKind {
@@ -125,6 +143,7 @@ impl ArtifactKind {
         Self {
             ty: T::TYPE,
             formats: T::FORMATS,
+            imports: T::IMPORTS,
             encode: |value| {
                 let mut encoder = Encoder::default();
                 cast::<T>(value).encode(&mut encoder);
@@ -143,6 +162,13 @@ impl ArtifactKind {
             },
             summary: |value| cast::<T>(value).summary(),
             export: |value, extension| cast::<T>(value).export(extension),
+            import: |extension, bytes| {
+                let value = match extension {
+                    "safetensors" => decode_foreign(bytes).map_err(|e| e.to_string())?,
+                    _ => T::import(extension, bytes)?,
+                };
+                Ok(AnyArtifact::encode::<T>(value))
+            },
         }
     }
 
@@ -160,6 +186,26 @@ impl ArtifactKind {
         digest: Option<Digest>,
     ) -> Result<AnyArtifact, DecodeError> {
         (self.decode)(self, digest.unwrap_or_else(|| digest_of(self.ty, bytes)), bytes)
+    }
+
+    /// Reads a file that another program wrote, by its extension: `.safetensors` for any type (its
+    /// numbers may have another type that holds the same values), or one of [`Self::imports`]. Returns
+    /// the artifact and the bytes to store, as [`AnyArtifact::encode`] does.
+    ///
+    /// # Errors
+    /// If the file does not hold an artifact of this type.
+    pub fn import(&self, extension: &str, bytes: &[u8]) -> Result<(AnyArtifact, Vec<u8>), String> {
+        (self.import)(extension, bytes)
+    }
+}
+
+fn decode_foreign<T: Artifact>(bytes: &[u8]) -> Result<T, DecodeError> {
+    let decoder = Decoder::foreign(bytes)?;
+    match decoder.text("sinew.type") {
+        Ok(found) if found != T::TYPE.name => {
+            Err(DecodeError(format!("it is `{found}` instead of `{}`", T::TYPE.name)))
+        }
+        _ => T::decode(&decoder),
     }
 }
 

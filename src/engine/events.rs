@@ -1,10 +1,11 @@
 //! What a run tells those who watch it: the terminal, the record, machines.
 
-use std::time::Duration;
+use std::{collections::BTreeMap, time::Duration};
 
 use petgraph::graph::NodeIndex;
 
 use super::{
+    artifact::AnyArtifact,
     digest::Digest,
     graph::Graph,
     plan::{Outputs, Reason},
@@ -32,6 +33,25 @@ pub enum Event<'a> {
     /// Another process computes the same key; its result will be used.
     Waiting {
         instance: NodeIndex,
+    },
+    /// A try failed, and there will be another one.
+    Retrying {
+        instance: NodeIndex,
+        /// The number of the retry, from 1.
+        retry: u32,
+        retries: u32,
+        /// How long it waits before that.
+        wait: Duration,
+        failure: &'a Failure,
+    },
+    /// The run was asked to stop.
+    Stopping {
+        /// It was asked again, and ends at once.
+        now: bool,
+        n_running: usize,
+        /// How many instances are done, out of those that are wanted.
+        n_done: usize,
+        n_wanted: usize,
     },
     Finished {
         instance: NodeIndex,
@@ -74,7 +94,7 @@ pub enum Outcome {
     Skipped {
         because: NodeIndex,
     },
-    /// The run was stopped before its turn came.
+    /// The run was stopped before its turn came, or before it was done.
     NotReached,
 }
 
@@ -85,11 +105,27 @@ pub enum Failure {
     Node(String),
     /// The machine is to blame.
     Environment(String),
-    /// A bug of the kind: the panic's message and place.
+    /// A bug of the kind: the panic's message and place, or how its process crashed.
     Panic(String),
 }
 
+impl Outcome {
+    /// Whether its result is there.
+    pub fn is_done(&self) -> bool {
+        matches!(self, Self::Cached | Self::CutOff | Self::Shared | Self::Ran { .. })
+    }
+}
+
 impl Failure {
+    /// The same failure with another message.
+    pub fn map(self, change: impl FnOnce(String) -> String) -> Self {
+        match self {
+            Self::Node(message) => Self::Node(change(message)),
+            Self::Environment(message) => Self::Environment(change(message)),
+            Self::Panic(message) => Self::Panic(change(message)),
+        }
+    }
+
     pub fn message(&self) -> &str {
         match self {
             Self::Node(message) | Self::Environment(message) | Self::Panic(message) => message,
@@ -114,6 +150,9 @@ pub enum ExportOutcome {
 /// Somebody who watches a run. Called by one thread at a time.
 pub trait Observer {
     fn event(&mut self, graph: &Graph, event: &Event<'_>);
+
+    /// An instance ran, and these are the artifacts that it made; told before it is finished.
+    fn made(&mut self, _instance: NodeIndex, _artifacts: &BTreeMap<&'static str, AnyArtifact>) {}
 }
 
 /// Watches nothing.
@@ -131,6 +170,8 @@ pub struct RunReport {
     /// By output rule.
     pub exports: Vec<ExportOutcome>,
     pub wall: Duration,
+    /// It was asked to stop.
+    pub stopped: bool,
     /// The store stopped taking results; what it had taken before is kept.
     pub store_error: Option<StoreError>,
 }
@@ -143,7 +184,10 @@ pub struct Counts {
     pub cached: usize,
     pub cut_off: usize,
     pub failed: usize,
+    /// Together with those that were not reached.
     pub skipped: usize,
+    /// The run was stopped before they were done.
+    pub not_reached: usize,
 }
 
 impl RunReport {
@@ -156,7 +200,11 @@ impl RunReport {
                 Outcome::CutOff => counts.cut_off += 1,
                 Outcome::Ran { .. } => counts.ran += 1,
                 Outcome::Failed { .. } => counts.failed += 1,
-                Outcome::Skipped { .. } | Outcome::NotReached => counts.skipped += 1,
+                Outcome::Skipped { .. } => counts.skipped += 1,
+                Outcome::NotReached => {
+                    counts.skipped += 1;
+                    counts.not_reached += 1;
+                }
             }
         }
         counts

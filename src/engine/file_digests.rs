@@ -41,7 +41,7 @@ pub fn digest(store: &Store, path: &Path) -> io::Result<Digest> {
 /// A file that was changed a moment ago may be changed again within the clock's resolution, and
 /// would then look the same. Copies may keep the time of the original's change, so the time of the
 /// change of the file's own entry counts as well; times in the future are never settled.
-fn is_settled(meta: &fs::Metadata) -> bool {
+pub fn is_settled(meta: &fs::Metadata) -> bool {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |it| it.as_secs() as i64);
     [meta.mtime(), meta.ctime()].iter().all(|&it| now.saturating_sub(it) > 2)
 }

@@ -9,7 +9,10 @@ use std::{
 
 use petgraph::graph::{DiGraph, NodeIndex};
 
-use super::node::{AnyNode, NodeKind};
+use super::{
+    node::{AnyNode, NodeKind},
+    settings::NodeSettings,
+};
 
 /// A pipeline whose every instance is checked.
 ///
@@ -46,9 +49,11 @@ pub struct Instance {
     pub shows_missing: bool,
     /// From the paths of file parameters (and their side files) to real paths.
     pub files: BTreeMap<PathBuf, PathBuf>,
+    /// How it is run; no part of its key.
+    pub settings: NodeSettings,
     /// Where the node is declared.
     pub place: Place,
-    /// Where its parameters and wires are written.
+    /// Where its parameters and wires are written: for a `${}`, where its value is.
     pub field_places: Arc<BTreeMap<String, Place>>,
 }
 
@@ -98,8 +103,18 @@ impl Graph {
     /// `file:line` of a place.
     pub fn show_place(&self, place: &Place) -> String {
         let source = &self.sources[place.source];
+        if source.is_setting() {
+            return format!("{} {}", source.path.display(), source.text);
+        }
         let line = source.text[..place.span.start].matches('\n').count() + 1;
         format!("{}:{line}", source.path.display())
+    }
+}
+
+impl Source {
+    /// Whether it is no file but a `--set` of the command line.
+    pub fn is_setting(&self) -> bool {
+        self.path.as_os_str() == "--set"
     }
 }
 
@@ -123,6 +138,12 @@ impl Instance {
             all.contains(&it) || it.split_once('=').is_some_and(is_at)
         };
         all.join(",") == items || items.split(',').all(is_one)
+    }
+
+    /// Whether it runs in a process of its own: it shall, or has a time limit that only killing keeps.
+    pub fn needs_process(&self) -> bool {
+        let is_limited = self.settings.timeout.is_some() && !self.kind.handles_limits;
+        self.settings.isolate.is_some() || is_limited
     }
 
     /// The real path of a declared file.

@@ -8,7 +8,7 @@ use std::{collections::BTreeMap, sync::LazyLock};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{digest::Digest, node::AnyNode};
+use super::{digest::Digest, facts::Facts, node::AnyNode};
 
 /// Raise it when the meaning of any field of [`Key`] changes.
 pub const KEY_FORMAT: u32 = 1;
@@ -26,6 +26,9 @@ pub struct Key {
     pub params: Value,
     /// Contents of files, by parameter (`path`) or by the name of a side file.
     pub files: BTreeMap<String, Digest>,
+    /// What the machine answered to the node's question: versions of programs.
+    #[serde(default, skip_serializing_if = "Facts::is_empty")]
+    pub facts: Facts,
     /// Contents of inputs, by port; `None` for an optional output that was left out, and for what is
     /// missing.
     pub inputs: BTreeMap<String, Vec<Option<Digest>>>,
@@ -56,6 +59,7 @@ impl Key {
             numerics: NUMERICS.clone(),
             params: sorted(node.canonical_params()),
             files,
+            facts: Facts::new(),
             inputs: inputs.digests,
             items: inputs.items,
             missing: inputs.missing,
@@ -81,6 +85,7 @@ impl Key {
         field("numerics", old.numerics.clone(), self.numerics.clone());
         compare("params", &entries(&old.params), &entries(&self.params), &mut field);
         compare("files", &shown(&old.files), &shown(&self.files), &mut field);
+        compare("facts", &old.facts, &self.facts, &mut field);
         compare("inputs", &shown_lists(&old.inputs), &shown_lists(&self.inputs), &mut field);
         compare("items", &shown_items(&old.items), &shown_items(&self.items), &mut field);
         compare("missing", &shown_missing(&old.missing), &shown_missing(&self.missing), &mut field);
@@ -112,7 +117,8 @@ impl std::fmt::Display for Difference {
         if let Some(port) = self.what.strip_prefix("missing.") {
             return write!(f, "what is missing at `{port}`: {} -> {}", self.old, self.new);
         }
-        let what = self.what.strip_prefix("params.").unwrap_or(&self.what);
+        let group = ["params.", "facts."].iter().find_map(|it| self.what.strip_prefix(it));
+        let what = group.unwrap_or(&self.what);
         write!(f, "`{what}`: {} -> {}", self.old, self.new)
     }
 }

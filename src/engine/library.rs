@@ -1,7 +1,7 @@
 //! The kinds and types that an engine works with.
 
 use super::{
-    artifact::{ArtifactKind, ArtifactType, DecodeError, Decoder, Format},
+    artifact::{AnyArtifact, ArtifactKind, ArtifactType, DecodeError, Decoder, Format},
     node::NodeKind,
 };
 
@@ -19,6 +19,25 @@ pub struct Library {
 pub struct CommonFormat {
     pub format: Format,
     pub write: fn(&[u8], &Decoder<'_>) -> Result<Vec<u8>, DecodeError>,
+}
+
+/// The bytes of an artifact in a format: one of its own, or one that all share.
+///
+/// # Errors
+/// If the artifact cannot be written in this format, with the reason.
+pub fn export(
+    common_formats: &[CommonFormat],
+    artifact: &AnyArtifact,
+    extension: &str,
+) -> Result<Vec<u8>, String> {
+    match common_formats.iter().find(|it| it.format.extension == extension) {
+        Some(common) => {
+            let bytes = artifact.to_bytes();
+            let decoder = Decoder::new(&bytes).map_err(|e| e.to_string())?;
+            (common.write)(&bytes, &decoder).map_err(|e| e.to_string())
+        }
+        None => artifact.export(extension),
+    }
 }
 
 impl Library {

@@ -1,9 +1,12 @@
 //! Pipelines, keys, plan, store, schedule, execution, run records. Knows no geometry.
 
 pub mod artifact;
+pub mod cancel;
 pub mod clock;
+pub mod compare;
 pub mod digest;
 pub mod events;
+pub mod facts;
 pub mod file_digests;
 pub mod graph;
 pub mod key;
@@ -12,11 +15,16 @@ pub mod node;
 pub mod params;
 pub mod pipeline;
 pub mod plan;
+pub mod process;
+pub mod program;
 pub mod record;
 pub mod reference;
 pub mod run;
 pub mod schema;
+pub mod settings;
 pub mod store;
 pub mod tensors;
 #[doc(hidden)]
 pub mod toy;
+pub mod verify;
+pub mod why;

@@ -1,6 +1,7 @@
 //! The one trait that a kind of node implements, and what its `run` sees of the world.
 
 use std::{
+    borrow::Cow,
     collections::BTreeMap,
     marker::PhantomData,
     path::{Path, PathBuf},
@@ -10,13 +11,17 @@ use std::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
+pub use super::cancel::CancelToken;
+pub use super::facts::{Answer, Facts, Question};
 use super::{
     artifact::{AnyArtifact, Artifact, ArtifactType},
+    digest::Digest,
     graph::{InputLabels, Labels},
 };
 
 /// How many wires a port takes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Arity {
     /// Exactly one.
     One,
@@ -49,6 +54,15 @@ pub struct Port {
     pub arity: Arity,
     /// Whether the node is told what the items are called that the port gathers, and which are missing.
     pub labelled: bool,
+    /// An output that a wire must name, even where a node has only one other: what a program printed.
+    pub aside: bool,
+}
+
+impl Port {
+    /// The same output, which a wire must name.
+    pub const fn aside(self) -> Self {
+        Self { aside: true, ..self }
+    }
 }
 
 macro_rules! port_key {
@@ -80,6 +94,7 @@ macro_rules! port_key {
                     ty: T::TYPE,
                     arity: Arity::$arity,
                     labelled: $labelled,
+                    aside: false,
                 }
             }
         }
@@ -144,6 +159,12 @@ impl InputFile {
     }
 }
 
+/// A program that a node starts: a name that is looked up in `PATH`, or a path relative to the folder of
+/// the pipeline file that names it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(transparent)]
+pub struct ProgramName(#[schemars(extend("format" = "program"))] pub String);
+
 /// A path's extension in lower case, without the dot; empty if there is none.
 pub fn extension_of(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
@@ -201,6 +222,14 @@ impl<E: std::error::Error> From<E> for NodeError {
 pub trait Node: Serialize + DeserializeOwned + JsonSchema + Send + Sync + 'static {
     const SPEC: Spec;
 
+    /// Whether `run` itself ends soon after [`NodeIo::cancel`] says so, by killing the program that it
+    /// waits for. A time limit puts other kinds into a process of their own, which can be killed.
+    const HANDLES_LIMITS: bool = false;
+
+    /// Parameters that say where something is found, and so are not part of the key: what is found there
+    /// counts by the answer to [`Node::question`].
+    const WHERE: &'static [&'static str] = &[];
+
     /// Checks what no single field can express. Must not touch the outside world.
     ///
     /// # Errors
@@ -209,14 +238,35 @@ pub trait Node: Serialize + DeserializeOwned + JsonSchema + Send + Sync + 'stati
         Ok(())
     }
 
+    /// Checks what an open kind can do with the types of artifacts that are wired to its inputs.
+    ///
+    /// # Errors
+    /// As [`Node::validate`].
+    fn check_inputs(
+        &self,
+        _types: &BTreeMap<&'static str, Vec<ArtifactType>>,
+    ) -> Result<(), String> {
+        Ok(())
+    }
+
     /// The files that the node reads, by the names of their fields. They count by content.
     fn files(&self) -> Vec<(&'static str, &InputFile)> {
         Vec::new()
     }
 
+    /// A field that is a table of files, with its name. They count as well, as `field.name`.
+    fn file_table(&self) -> Option<(&'static str, &BTreeMap<String, InputFile>)> {
+        None
+    }
+
     /// Files that a declared file refers to (the buffers of a `.gltf`). They count as well.
     fn side_files(&self, _path: &Path) -> Vec<PathBuf> {
         Vec::new()
+    }
+
+    /// What else the result depends on and must be asked of the machine: the version of a program.
+    fn question(&self) -> Option<Question> {
+        None
     }
 
     /// Reads ports and files from `io`, computes, writes every output.
@@ -233,6 +283,9 @@ pub struct Surroundings {
     pub mirrors: Vec<PathBuf>,
     /// No network.
     pub offline: bool,
+    /// The node runs in a process of its own, which is killed with its whole process group: programs
+    /// that it starts should stay in this group.
+    pub isolated: bool,
 }
 
 /// A progress report of a running node: the done fraction if it is known, and what is being done.
@@ -248,6 +301,8 @@ pub struct Labelled<T> {
     /// Why it is missing, if it is.
     pub value: Result<Arc<T>, Arc<str>>,
 }
+/// Finds the file in which an artifact is stored, if it has one.
+pub type StoredFileFn<'a> = &'a (dyn Fn(&Digest) -> Option<PathBuf> + Sync);
 
 /// A node's window on the world: its ports, its files, its surroundings.
 pub struct NodeIo<'a> {
@@ -257,6 +312,8 @@ pub struct NodeIo<'a> {
     files: BTreeMap<PathBuf, PathBuf>,
     surroundings: &'a Surroundings,
     progress: ProgressFn<'a>,
+    cancel: CancelToken,
+    stored_file: StoredFileFn<'a>,
     outputs: NodeOutputs,
 }
 
@@ -281,8 +338,27 @@ impl<'a> NodeIo<'a> {
         surroundings: &'a Surroundings,
         progress: ProgressFn<'a>,
     ) -> Self {
-        let outputs = NodeOutputs::default();
-        Self { spec, inputs, input_labels, files, surroundings, progress, outputs }
+        Self {
+            spec,
+            inputs,
+            input_labels,
+            files,
+            surroundings,
+            progress,
+            cancel: CancelToken::never(),
+            stored_file: &|_| None,
+            outputs: NodeOutputs::default(),
+        }
+    }
+
+    /// The same, for a run that can be given up or that has a time limit.
+    pub fn with_cancel(self, cancel: CancelToken) -> Self {
+        Self { cancel, ..self }
+    }
+
+    /// The same, with a way to the files of stored artifacts.
+    pub fn with_stored_files(self, stored_file: StoredFileFn<'a>) -> Self {
+        Self { stored_file, ..self }
     }
 
     /// The artifact at an input.
@@ -340,6 +416,42 @@ impl<'a> NodeIo<'a> {
             .flatten()
             .flatten()
             .map(|it| it.downcast().expect("a checked pipeline wires equal types"))
+    }
+
+    /// The artifacts at every wired input, in the order of the pipeline file: for kinds whose inputs the
+    /// pipeline declares.
+    pub fn inputs(&self) -> impl Iterator<Item = (&'static str, Vec<AnyArtifact>)> {
+        let wired = |port: &Port| {
+            let artifacts = self.inputs.get(port.name)?.iter();
+            Some((port.name, artifacts.filter_map(|it| it.as_ref().ok().cloned()).collect()))
+        };
+        self.spec.inputs.iter().filter_map(wired)
+    }
+
+    /// Whether an input takes a list.
+    pub fn is_list(&self, port: &str) -> bool {
+        self.spec.inputs.iter().any(|it| it.name == port && it.arity.takes_list())
+    }
+
+    /// The file in which an artifact is stored as it is encoded, if there is one: it can be mapped.
+    pub fn stored_file(&self, artifact: &AnyArtifact) -> Option<PathBuf> {
+        (self.stored_file)(&artifact.digest())
+    }
+
+    /// The outputs: for kinds whose outputs the pipeline declares.
+    pub fn outputs(&self) -> &'static [Port] {
+        self.spec.outputs
+    }
+
+    /// Writes an output whose type is known at run time only: the artifact and its bytes.
+    ///
+    /// # Panics
+    /// If the port has another type.
+    pub fn put_any(&mut self, port: &'static str, (artifact, bytes): (AnyArtifact, Vec<u8>)) {
+        self.assert_declared(port);
+        let ty = self.spec.outputs.iter().find(|it| it.name == port).map(|it| it.ty);
+        assert_eq!(Some(artifact.ty()), ty, "the type of the output `{port}`");
+        self.outputs.artifacts.insert(port, (artifact, bytes));
     }
 
     /// Writes an output.
@@ -405,6 +517,15 @@ impl<'a> NodeIo<'a> {
         (self.progress)(fraction, message);
     }
 
+    /// Says when the result is no longer wanted: the run was stopped, or the time limit is over.
+    ///
+    /// Whoever waits for something outside (a program, a network) ends it then and returns an error;
+    /// what that error says does not matter. A computation need not look: it is left to finish, or
+    /// runs in a process that is killed.
+    pub fn cancel(&self) -> &CancelToken {
+        &self.cancel
+    }
+
     /// Leaves a remark for the user, kept with the result.
     pub fn note(&mut self, message: impl Into<String>) {
         self.outputs.notes.push(message.into());
@@ -427,11 +548,17 @@ impl<'a> NodeIo<'a> {
 /// The object-safe face of [`Node`], made by the blanket implementation.
 pub trait AnyNode: Send + Sync {
     fn spec(&self) -> &'static Spec;
+    /// Parameters as [`NodeKind::parse`] takes them.
+    fn params(&self) -> serde_json::Value;
     /// Parameters with every default filled in; files are replaced by their extensions.
     fn canonical_params(&self) -> serde_json::Value;
     fn validate(&self) -> Result<(), String>;
-    fn files(&self) -> Vec<(&'static str, &InputFile)>;
+    fn check_inputs(&self, types: &BTreeMap<&'static str, Vec<ArtifactType>>)
+    -> Result<(), String>;
+    /// All files, with the names of their fields: `path`, `files.script`.
+    fn files(&self) -> Vec<(Cow<'static, str>, &InputFile)>;
     fn side_files(&self, path: &Path) -> Vec<PathBuf>;
+    fn question(&self) -> Option<Question>;
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError>;
 }
 
@@ -440,10 +567,18 @@ impl<N: Node> AnyNode for N {
         const { &N::SPEC }
     }
 
+    fn params(&self) -> serde_json::Value {
+        serde_json::to_value(self).expect("parameters are plain data")
+    }
+
     fn canonical_params(&self) -> serde_json::Value {
-        let mut params = serde_json::to_value(self).expect("parameters are plain data");
-        for (field, file) in Node::files(self) {
-            params[field] = serde_json::json!({ "file": file.extension() });
+        let mut params = self.params();
+        for (field, file) in AnyNode::files(self) {
+            let value = field.split('.').fold(&mut params, |it, name| &mut it[name]);
+            *value = serde_json::json!({ "file": file.extension() });
+        }
+        if let Some(fields) = params.as_object_mut() {
+            N::WHERE.iter().for_each(|it| drop(fields.shift_remove(*it)));
         }
         params
     }
@@ -452,12 +587,28 @@ impl<N: Node> AnyNode for N {
         Node::validate(self)
     }
 
-    fn files(&self) -> Vec<(&'static str, &InputFile)> {
-        Node::files(self)
+    fn check_inputs(
+        &self,
+        types: &BTreeMap<&'static str, Vec<ArtifactType>>,
+    ) -> Result<(), String> {
+        Node::check_inputs(self, types)
+    }
+
+    fn files(&self) -> Vec<(Cow<'static, str>, &InputFile)> {
+        let fields =
+            Node::files(self).into_iter().map(|(field, file)| (Cow::Borrowed(field), file));
+        let table = Node::file_table(self).into_iter().flat_map(|(field, files)| {
+            files.iter().map(move |(name, file)| (Cow::Owned(format!("{field}.{name}")), file))
+        });
+        fields.chain(table).collect()
     }
 
     fn side_files(&self, path: &Path) -> Vec<PathBuf> {
         Node::side_files(self, path)
+    }
+
+    fn question(&self) -> Option<Question> {
+        Node::question(self)
     }
 
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
@@ -471,6 +622,11 @@ pub struct NodeKind {
     /// Parameters from plain data, after `${}` has been filled in.
     pub parse: fn(serde_json::Value) -> Result<Box<dyn AnyNode>, serde_json::Error>,
     pub schema: fn() -> schemars::Schema,
+    /// See [`Node::HANDLES_LIMITS`].
+    pub handles_limits: bool,
+    /// The pipeline declares its ports beside those of the spec: tables `inputs` and `outputs` in the
+    /// node's own table, which are parameters `inputs` and `outputs` of the kind.
+    pub open: bool,
 }
 
 impl NodeKind {
@@ -479,6 +635,14 @@ impl NodeKind {
             spec: N::SPEC,
             parse: |params| Ok(Box::new(serde_json::from_value::<N>(params)?)),
             schema: || schemars::schema_for!(N),
+            handles_limits: N::HANDLES_LIMITS,
+            open: false,
         }
+    }
+
+    /// A kind whose ports the pipeline declares. Its struct has the parameters
+    /// `inputs: BTreeMap<String, Arity>` and `outputs: BTreeMap<String, String>` (names of types).
+    pub const fn open<N: Node>() -> Self {
+        Self { open: true, ..Self::of::<N>() }
     }
 }

@@ -36,6 +36,8 @@ pub enum Shape {
     Text,
     /// A path of a file that is read.
     File,
+    /// A name of a program, or a path to it.
+    Program,
     /// Names and their docs.
     Choice(Vec<(String, String)>),
     List {
@@ -89,6 +91,7 @@ impl Shape {
             Self::Number(range) => format!("a number{}", range.describe_after(" ")),
             Self::Text => "a text".to_owned(),
             Self::File => "the path of a file".to_owned(),
+            Self::Program => "the name or the path of a program".to_owned(),
             Self::Choice(names) => {
                 let names: Vec<String> = names.iter().map(|it| format!("\"{}\"", it.0)).collect();
                 names.join(" or ")
@@ -187,6 +190,7 @@ impl Reader<'_> {
             Some("integer") => Shape::Integer(range(schema)),
             Some("number") => Shape::Number(range(schema)),
             Some("string") if text(schema, "format") == "input-file" => Shape::File,
+            Some("string") if text(schema, "format") == "program" => Shape::Program,
             Some("string") => Shape::Text,
             Some("array") => self.list(schema),
             Some("object") => self.table(object),

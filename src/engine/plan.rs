@@ -1,16 +1,17 @@
 //! What would run, and why. Pure: a graph, what is stored, and nothing else.
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::{BTreeMap, BTreeSet, HashMap},
     io,
     path::{Path, PathBuf},
-    sync::Arc,
+    sync::{Arc, Mutex},
 };
 
 use petgraph::{Direction, graph::NodeIndex};
 
 use super::{
     digest::Digest,
+    facts::{self, Facts, Question},
     file_digests,
     graph::{Graph, Instance, Labels, PortRef},
     key::{Difference, Key, KeyInputs},
@@ -22,11 +23,18 @@ use super::{
 pub trait Memory {
     fn entry(&self, key: &Digest) -> Option<Arc<Entry>>;
     fn has_object(&self, digest: &Digest) -> bool;
+    /// Whether an object that is no longer there was found damaged.
+    fn was_damaged(&self, digest: &Digest) -> bool;
     /// The key that this instance had when its pipeline was run last.
     fn last_key(&self, instance: &str) -> Option<Digest>;
     /// # Errors
     /// If the file cannot be read.
     fn file_digest(&self, path: &Path) -> io::Result<Digest>;
+    /// The answer to a node's question, remembered or asked now.
+    ///
+    /// # Errors
+    /// With a message for the user, if the machine cannot answer.
+    fn facts(&self, question: &Question) -> Result<Facts, String>;
 }
 
 /// A store, as one pipeline sees it.
@@ -34,13 +42,15 @@ pub struct PipelineMemory<'a> {
     pub store: &'a Store,
     /// Tells one pipeline's instances from another's: the absolute path of its file.
     pub pipeline: PathBuf,
+    /// Answers to the questions of this run, so that it sees the machine in one state.
+    facts: Mutex<HashMap<Digest, Result<Facts, String>>>,
 }
 
 impl<'a> PipelineMemory<'a> {
     pub fn new(store: &'a Store, graph: &Graph) -> Self {
         let path = graph.sources.first().map(|it| it.path.as_path()).unwrap_or(Path::new(""));
         let pipeline = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        Self { store, pipeline }
+        Self { store, pipeline, facts: Mutex::default() }
     }
 
     /// What the last key of an instance is remembered by.
@@ -62,6 +72,10 @@ impl Memory for PipelineMemory<'_> {
         self.store.has_object(digest)
     }
 
+    fn was_damaged(&self, digest: &Digest) -> bool {
+        self.store.was_damaged(digest)
+    }
+
     fn last_key(&self, instance: &str) -> Option<Digest> {
         let bytes = self.store.recall(Note::LastKey, &self.subject(instance))?;
         Some(Digest(bytes.try_into().ok()?))
@@ -69,6 +83,12 @@ impl Memory for PipelineMemory<'_> {
 
     fn file_digest(&self, path: &Path) -> io::Result<Digest> {
         file_digests::digest(self.store, path)
+    }
+
+    fn facts(&self, question: &Question) -> Result<Facts, String> {
+        let subject = question.digest();
+        let mut known = self.facts.lock().expect("no question panics");
+        known.entry(subject).or_insert_with(|| facts::answer(self.store, question)).clone()
     }
 }
 
@@ -121,6 +141,8 @@ pub enum KeyError {
         path: PathBuf,
         error: String,
     },
+    /// The node asks something that the machine cannot answer.
+    Fact(String),
 }
 
 impl KeyError {
@@ -131,6 +153,7 @@ impl KeyError {
                 format!("`{port}` needs `{}` of `{producer}`, which has none: {why}", from.port)
             }
             Self::File { path, error } => format!("cannot read `{}`: {error}", path.display()),
+            Self::Fact(error) => error.clone(),
         }
     }
 }
@@ -189,7 +212,7 @@ pub fn key_of<'a>(
     let declared = instance.node.files();
     for (path, real) in &instance.files {
         let name = match declared.iter().find(|it| it.1.0 == *path) {
-            Some((field, _)) => (*field).to_owned(),
+            Some((field, _)) => field.to_string(),
             // A side file counts by its place beside the file that refers to it, wherever both are.
             None => {
                 let folders = declared.iter().filter_map(|it| it.1.0.parent());
@@ -202,7 +225,11 @@ pub fn key_of<'a>(
             .map_err(|e| KeyError::File { path: real.clone(), error: e.to_string() })?;
         files.insert(name, digest);
     }
-    Ok(Key::new(instance.node.as_ref(), inputs, files))
+    let facts = match instance.node.question() {
+        Some(question) => memory.facts(&question).map_err(KeyError::Fact)?,
+        None => Facts::new(),
+    };
+    Ok(Key { facts, ..Key::new(instance.node.as_ref(), inputs, files) })
 }
 
 fn shown_labels(labels: &Labels) -> Vec<String> {
@@ -216,23 +243,39 @@ pub enum Reason {
     New,
     /// Its key is not the one that it had last.
     Changed(Vec<Difference>),
+    /// Its key is not the one that it had last, and what that was made from is no longer stored.
+    Replaced,
+    /// Its key is the one that it had last, but the result was removed from the store.
+    Removed,
     /// Its result is known, but the artifact at this port was removed from the store.
     Evicted { port: &'static str },
+    /// Its result is known, but the artifact at this port was found damaged.
+    Damaged { port: &'static str },
     /// The user asked for it.
     Forced,
 }
 
 impl Reason {
-    /// Why a key that is not stored is not: compares it with the last one of the instance.
-    pub fn of_miss(key: &Key, instance: &str, memory: &dyn Memory) -> Self {
-        let old = memory.last_key(instance).and_then(|it| memory.entry(&it));
+    /// Why a key (with its digest) that is not stored is not: compares it with the last one of the
+    /// instance.
+    pub fn of_miss(key: &Key, digest: &Digest, instance: &str, memory: &dyn Memory) -> Self {
+        let Some(last) = memory.last_key(instance) else { return Self::New };
+        if last == *digest {
+            return Self::Removed;
+        }
+        let old = memory.entry(&last);
         match old.and_then(|it| serde_json::from_str::<Key>(&it.key).ok()) {
             Some(old) => match key.differences(&old) {
-                differences if differences.is_empty() => Self::New,
+                differences if differences.is_empty() => Self::Replaced,
                 differences => Self::Changed(differences),
             },
-            None => Self::New,
+            None => Self::Replaced,
         }
+    }
+
+    /// Why a result has to be made again whose artifact at a port is not there.
+    pub fn of_loss(port: &'static str, artifact: &Digest, memory: &dyn Memory) -> Self {
+        if memory.was_damaged(artifact) { Self::Damaged { port } } else { Self::Evicted { port } }
     }
 }
 
@@ -244,7 +287,12 @@ impl std::fmt::Display for Reason {
                 let texts: Vec<String> = differences.iter().map(ToString::to_string).collect();
                 f.write_str(&texts.join(", "))
             }
+            Self::Replaced => f.write_str(
+                "its key is another one than last time; what that was made from is no longer stored",
+            ),
+            Self::Removed => f.write_str("its result is no longer in the store"),
             Self::Evicted { port } => write!(f, "`{port}` is no longer in the store"),
+            Self::Damaged { port } => write!(f, "`{port}` was damaged in the store"),
             Self::Forced => f.write_str("forced"),
         }
     }
@@ -332,7 +380,7 @@ pub fn plan(
         } else if forced.contains(&index) {
             Status::Run { key: digest, reason: Reason::Forced }
         } else {
-            let reason = Reason::of_miss(&key, &instance.id(), memory);
+            let reason = Reason::of_miss(&key, &digest, &instance.id(), memory);
             Status::Run { key: digest, reason }
         };
         keys[index.index()] = Some(key);
@@ -357,8 +405,9 @@ fn plan_evicted(
                 needed.contains(&PortRef { instance: index, port })
                     && !memory.has_object(&info.digest)
             });
-            let Some((port, _)) = lost else { continue };
-            statuses[index.index()] = Status::Run { key, reason: Reason::Evicted { port } };
+            let Some((port, info)) = lost else { continue };
+            let reason = Reason::of_loss(port, &info.digest, memory);
+            statuses[index.index()] = Status::Run { key, reason };
         }
         if matches!(statuses[index.index()], Status::Run { .. } | Status::Follows { .. }) {
             needed.extend(graph.instances[index].inputs.values().flatten());

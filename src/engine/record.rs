@@ -20,24 +20,71 @@ use super::{
     events::{Event, ExportOutcome, Failure, Observer, Outcome, RunReport},
     graph::Graph,
     plan::Outputs,
+    why::{Places, Why},
 };
 
-/// Raise it when a line changes its meaning.
-pub const RECORD_VERSION: u32 = 1;
+/// Raise it when a line changes its meaning. Fields are only added, so that old records stay
+/// readable; what a reader does not know it passes over.
+///
+/// 2: `node_start` has `why`, the reason as data.
+pub const RECORD_VERSION: u32 = 2;
 
 /// One line of a record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Line {
     RunStart(RunStart),
-    Planned { t: f64, nodes: usize, cached: usize },
-    NodeStart { t: f64, node: String, threads: usize, reason: String },
-    NodeProgress { t: f64, node: String, fraction: Option<f64>, text: String },
-    NodeWaiting { t: f64, node: String },
+    Planned {
+        t: f64,
+        nodes: usize,
+        cached: usize,
+    },
+    NodeStart(NodeStart),
+    NodeProgress {
+        t: f64,
+        node: String,
+        fraction: Option<f64>,
+        text: String,
+    },
+    NodeWaiting {
+        t: f64,
+        node: String,
+    },
+    NodeRetry {
+        t: f64,
+        node: String,
+        retry: u32,
+        retries: u32,
+        wait_s: f64,
+        message: String,
+    },
+    Stopping {
+        t: f64,
+        now: bool,
+    },
     NodeDone(NodeDone),
-    Output { t: f64, path: PathBuf, status: String, bytes: Option<u64>, message: Option<String> },
-    Warning { t: f64, text: String },
-    RunDone { t: f64, ran: usize, cached: usize, cut_off: usize, failed: usize, skipped: usize },
+    Output {
+        t: f64,
+        path: PathBuf,
+        status: String,
+        bytes: Option<u64>,
+        message: Option<String>,
+    },
+    Warning {
+        t: f64,
+        text: String,
+    },
+    RunDone {
+        t: f64,
+        ran: usize,
+        cached: usize,
+        cut_off: usize,
+        failed: usize,
+        skipped: usize,
+        /// It was asked to stop.
+        #[serde(default)]
+        stopped: bool,
+    },
 }
 
 /// What was run, by whom, with what.
@@ -66,6 +113,18 @@ pub struct SourceText {
     pub text: String,
 }
 
+/// An instance begins to run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NodeStart {
+    /// Seconds since the start of the run.
+    pub t: f64,
+    pub node: String,
+    pub threads: usize,
+    pub reason: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub why: Option<Why>,
+}
+
 /// How it ended for one instance.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NodeDone {
@@ -88,11 +147,12 @@ pub struct NodeDone {
 /// Turns events into lines.
 pub struct Liner {
     start: Instant,
+    places: Places,
 }
 
 impl Liner {
     pub fn new(start: Instant) -> Self {
-        Self { start }
+        Self { start, places: Places::default() }
     }
 
     /// Seconds since the start of the run, to microseconds.
@@ -108,14 +168,23 @@ impl Liner {
             Event::Planned { n_wanted, n_cached } => {
                 Line::Planned { t, nodes: n_wanted, cached: n_cached }
             }
-            Event::Started { instance, threads, reason } => {
-                Line::NodeStart { t, node: id(instance), threads, reason: reason.to_string() }
-            }
+            Event::Started { instance, threads, reason } => Line::NodeStart(NodeStart {
+                t,
+                node: id(instance),
+                threads,
+                reason: reason.to_string(),
+                why: Some(Why::of(graph, instance, reason, &self.places)),
+            }),
             Event::Progress { instance, fraction, text } => {
                 Line::NodeProgress { t, node: id(instance), fraction, text: text.to_owned() }
             }
             Event::Waiting { instance } => Line::NodeWaiting { t, node: id(instance) },
             Event::Warning { text } => Line::Warning { t, text: text.to_owned() },
+            Event::Retrying { instance, retry, retries, wait, failure } => {
+                let (wait_s, message) = (wait.as_secs_f64(), told(failure));
+                Line::NodeRetry { t, node: id(instance), retry, retries, wait_s, message }
+            }
+            Event::Stopping { now, .. } => Line::Stopping { t, now },
             Event::Finished { outcome: Outcome::NotWanted, .. } => return None,
             Event::Finished { instance, outcome, key, outputs } => Line::NodeDone(self.node_done(
                 graph,
@@ -158,8 +227,7 @@ impl Liner {
                 ("ran", Some(*wall), Some(reason.to_string()), &notes[..])
             }
             Outcome::Failed { failure, wall } => {
-                let bug = if matches!(failure, Failure::Panic(_)) { "panic: " } else { "" };
-                ("failed", Some(*wall), Some(format!("{bug}{}", failure.message())), &[][..])
+                ("failed", Some(*wall), Some(told(failure)), &[][..])
             }
             Outcome::Skipped { because } => {
                 ("skipped", None, Some(graph.instances[*because].id()), &[][..])
@@ -189,8 +257,14 @@ impl Liner {
             cut_off: counts.cut_off,
             failed: counts.failed,
             skipped: counts.skipped,
+            stopped: report.stopped,
         }
     }
+}
+
+fn told(failure: &Failure) -> String {
+    let bug = if matches!(failure, Failure::Panic(_)) { "panic: " } else { "" };
+    format!("{bug}{}", failure.message())
 }
 
 /// Writes the record of a run as it goes.
@@ -207,7 +281,9 @@ impl Recorder {
         if let Err(error) = &file {
             tracing::warn!(path = %path.display(), %error, "the run is not recorded");
         }
-        let file = file.ok().map(|it| BufWriter::with_capacity(1 << 16, it));
+        // Tells readers that the run is going on; it dies with the process.
+        let file = file.ok().inspect(|it| drop(it.try_lock()));
+        let file = file.map(|it| BufWriter::with_capacity(1 << 16, it));
         let mut res = Self { liner: Liner::new(Instant::now()), file };
         res.write(&Line::RunStart(start.clone()), true);
         res
@@ -240,6 +316,7 @@ impl Observer for Recorder {
         let flush = matches!(
             event,
             Event::Finished { outcome: Outcome::Ran { .. } | Outcome::Failed { .. }, .. }
+                | Event::Stopping { .. }
         );
         if let Some(line) = self.liner.line(graph, event) {
             self.write(&line, flush);
@@ -256,7 +333,7 @@ pub struct Record {
 }
 
 impl Record {
-    /// Reads a record. A torn last line is left out.
+    /// Reads a record. Lines that are torn, or that a later version has added, are left out.
     ///
     /// # Errors
     /// If the file cannot be read or does not begin as a record.
@@ -273,12 +350,37 @@ impl Record {
         };
         let mut res = Self { start, lines: Vec::new() };
         for line in lines {
-            match serde_json::from_str(&line?) {
-                Ok(line) => res.lines.push(line),
-                Err(_) => break,
-            }
+            // What is no text any more is no line either: the rest of the record may be sound.
+            let line = match line {
+                Ok(line) => line,
+                Err(error) if error.kind() == io::ErrorKind::InvalidData => continue,
+                Err(error) => return Err(error),
+            };
+            res.lines.extend(serde_json::from_str::<Line>(&line));
         }
         Ok(res)
+    }
+
+    /// What happened to an instance; the last time counts if it ran twice.
+    pub fn node(&self, id: &str) -> Option<&NodeDone> {
+        self.lines.iter().rev().find_map(|it| match it {
+            Line::NodeDone(node) if node.node == id => Some(node),
+            _ => None,
+        })
+    }
+
+    /// Why instances ran, by their names.
+    pub fn whys(&self) -> BTreeMap<&str, &Why> {
+        let starts = self.lines.iter().filter_map(|it| match it {
+            Line::NodeStart(start) => Some((start.node.as_str(), start.why.as_ref()?)),
+            _ => None,
+        });
+        starts.collect()
+    }
+
+    /// How the run ended; `None` if it did not.
+    pub fn done(&self) -> Option<&Line> {
+        self.lines.iter().rev().find(|it| matches!(it, Line::RunDone { .. }))
     }
 
     /// The instances that ended, in this order.
@@ -290,7 +392,69 @@ impl Record {
     }
 }
 
+/// Whether the run of a record is going on: its process holds a lock on the file.
+pub fn is_going_on(path: &Path) -> bool {
+    let locked = |it: File| matches!(it.try_lock_shared(), Err(fs::TryLockError::WouldBlock));
+    File::open(path).is_ok_and(locked)
+}
+
+/// The name of the run that a record tells of.
+pub fn name(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Why a name names no run.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum FindError {
+    #[error("there is no run `{name}`{}", hint(.runs))]
+    None { name: String, runs: Vec<String> },
+    #[error("there are several runs `{name}…`: `{}`", .runs.join("`, `"))]
+    Several { name: String, runs: Vec<String> },
+}
+
+fn hint(runs: &[String]) -> String {
+    match runs {
+        [] => ": there is none at all".to_owned(),
+        runs => format!(": the last ones are `{}`", runs.join("`, `")),
+    }
+}
+
+/// The record of a run: `last` (or `latest`), `last~2` for the second one before it, or the beginning
+/// of a name that no other run shares.
+///
+/// # Errors
+/// With the runs that could be meant.
+pub fn find(store: &Path, name: &str) -> Result<PathBuf, FindError> {
+    let paths = list(store);
+    let (base, back) = name.split_once('~').unwrap_or((name, "0"));
+    if let ("last" | "latest", Ok(back)) = (base, back.parse::<usize>()) {
+        return paths.get(back).cloned().ok_or_else(|| none(name, &paths));
+    }
+    let mut found: Vec<&PathBuf> =
+        paths.iter().filter(|it| self::name(it).starts_with(name)).collect();
+    if let Some(exact) = found.iter().find(|it| self::name(it) == name) {
+        return Ok((*exact).clone());
+    }
+    found.truncate(6);
+    match found[..] {
+        [] => Err(none(name, &paths)),
+        [one] => Ok(one.clone()),
+        _ => Err(FindError::Several {
+            name: name.to_owned(),
+            runs: found.iter().map(|it| self::name(it)).collect(),
+        }),
+    }
+}
+
+fn none(name: &str, paths: &[PathBuf]) -> FindError {
+    let runs = paths.iter().take(4).map(|it| self::name(it)).collect();
+    FindError::None { name: name.to_owned(), runs }
+}
+
 /// The paths of all records in a store's folder, newest first.
+///
+/// By name: names grow ([`new_run_id`]), while files may be copied, touched, or come from a machine
+/// with another clock.
 pub fn list(store: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(store.join("runs")).into_iter().flatten().flatten();
     let mut paths: Vec<PathBuf> = entries
@@ -303,8 +467,53 @@ pub fn list(store: &Path) -> Vec<PathBuf> {
 }
 
 /// A name for a run that starts now: its time, and something that tells it from others.
-pub fn new_run_id() -> String {
+///
+/// The newest run always has the greatest name. If the clock was turned back, or two runs start in
+/// one second, a number that is one greater than that of the newest run tells which came later.
+pub fn new_run_id(store: &Path) -> String {
     let now = SystemTime::now();
     let salt = format!("{now:?} {}", std::process::id());
-    format!("{}-{}", clock::compact_utc(now), &Digest::of(salt.as_bytes()).to_string()[..4])
+    let salt = &Digest::of(salt.as_bytes()).to_string()[..4];
+    let newest = list(store).first().map(|it| name(it)).unwrap_or_default();
+    next_name(&clock::compact_utc(now), salt, &newest)
+}
+
+/// The name for a time that sorts after the newest one.
+fn next_name(time: &str, salt: &str, newest: &str) -> String {
+    let is_time = |it: &&str| it.bytes().all(|it| it.is_ascii_digit() || it == b'-');
+    let newest_time = newest.get(..time.len()).filter(is_time).filter(|it| *it >= time);
+    let Some(newest_time) = newest_time else { return format!("{time}-{salt}") };
+    // `x` sorts after the hexadecimal digits of a salt.
+    let counted = newest[time.len()..].strip_prefix("-x").and_then(|it| it.split('-').next());
+    let number = counted.and_then(|it| it.parse::<u32>().ok()).unwrap_or(0) + 1;
+    format!("{newest_time}-x{number:04}-{salt}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_runs_grow_whatever_the_clock_does() {
+        let times = [
+            "20260101-000000",
+            "20260101-000000",
+            "20260101-000000",
+            "20991231-235959",
+            "20260101-000001",
+            "20260101-000002",
+        ];
+        let mut names = vec![String::new()];
+        for (index, time) in times.iter().enumerate() {
+            // Salts that do not help: the later, the smaller.
+            let salt = format!("{:04x}", 0xffff - index);
+            names.push(next_name(time, &salt, names.last().unwrap()));
+        }
+        assert!(names.is_sorted_by(|a, b| a < b), "{names:?}");
+        assert_eq!(names[1], "20260101-000000-ffff");
+        assert_eq!(
+            next_name("20260101-000000", "abcd", "zz-not-named-by-us"),
+            "20260101-000000-abcd"
+        );
+    }
 }

@@ -8,6 +8,7 @@ use super::{
     library::Library,
     node::{Arity, NodeKind, Port},
     params::{Field, Fields, Shape},
+    settings::NODE_KEYS,
 };
 
 /// All kinds as one Markdown document.
@@ -23,7 +24,22 @@ pub fn markdown(library: &Library) -> String {
     for kind in library.kinds {
         let _ = write!(res, "\n{}", kind_markdown(kind));
     }
+    res.push_str(&node_keys_markdown());
     res.push_str(&types_markdown(library));
+    res
+}
+
+/// What every node's table may say.
+fn node_keys_markdown() -> String {
+    let mut res = "\n# Keys of every node\n\n\
+        How a node is run. None of them changes a result or its key.\n\
+        A node of kind `pipeline` hands them to all its nodes that do not say otherwise.\n\
+        A duration is a number of seconds, or a text such as \"250ms\", \"90s\", \"10m\" or \"2h\".\n\n\
+        | Key | values; default | |\n|---|---|---|\n"
+        .to_owned();
+    for key in &NODE_KEYS {
+        let _ = writeln!(res, "| `{}` | {} | {} |", key.name, cell(key.values), cell(key.doc));
+    }
     res
 }
 
@@ -90,11 +106,11 @@ fn params_markdown(res: &mut String, fields: &Fields) {
     res.push_str("\n| Parameter | default | |\n|---|---|---|\n");
     for field in &fields.list {
         let (name, default) = (&field.name, default_text(field));
-        let choices = choices_text(&field.shape);
+        let details = details_text(&field.shape);
         let shape = cell(&field.shape.describe());
         let doc = cell(&field.doc);
         let _ =
-            writeln!(res, "| `{name}` | {default} | {doc} *{}.*{choices} |", capitalized(&shape));
+            writeln!(res, "| `{name}` | {default} | {doc} *{}.*{details} |", capitalized(&shape));
     }
 }
 
@@ -106,11 +122,19 @@ fn default_text(field: &Field) -> String {
     }
 }
 
-/// The docs of each choice, if there are any.
-fn choices_text(shape: &Shape) -> String {
-    let Shape::Choice(names) = shape else { return String::new() };
-    let documented = names.iter().filter(|it| !it.1.is_empty());
-    documented.map(|(name, doc)| format!("<br>`{name}`: {}", cell(doc))).collect()
+/// The docs of each choice and of each key of a table, if there are any.
+fn details_text(shape: &Shape) -> String {
+    let line = |name: &str, doc: &str| match doc {
+        "" => String::new(),
+        doc => format!("<br>`{name}`: {}", cell(doc)),
+    };
+    match shape {
+        Shape::Choice(names) => names.iter().map(|(name, doc)| line(name, doc)).collect(),
+        Shape::Table(fields) => fields.list.iter().map(|it| line(&it.name, &it.doc)).collect(),
+        Shape::List { item, .. } => details_text(item),
+        Shape::OneOf(shapes) => shapes.iter().map(details_text).collect(),
+        _ => String::new(),
+    }
 }
 
 fn types_markdown(library: &Library) -> String {

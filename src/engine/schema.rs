@@ -5,6 +5,7 @@ use serde_json::{Map, Value as Json, json};
 use super::{
     library::Library,
     node::{NodeKind, Port},
+    settings::NODE_KEYS,
 };
 
 /// The schema of pipeline files over these kinds.
@@ -20,9 +21,13 @@ pub fn schema(library: &Library) -> Json {
         "wire".to_owned(),
         json!({ "type": "string", "pattern": "^@|\\$\\{", "description": "\"@node.port\"." }),
     );
-    let kinds: Vec<Json> =
-        library.kinds.iter().map(|it| kind_schema(it, &mut definitions)).collect();
+    definitions.extend(NODE_KEYS.iter().map(|it| {
+        let schema = json!({ "description": it.doc, "allOf": [(it.schema)()] });
+        (format!("node.{}", it.name), or_template(schema))
+    }));
     let types: Vec<&str> = library.types.iter().map(|it| it.ty.name).collect();
+    let kinds: Vec<Json> =
+        library.kinds.iter().map(|it| kind_schema(it, &types, &mut definitions)).collect();
     let nodes = kinds.into_iter().chain([inner_pipeline_schema()]);
     json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -139,20 +144,28 @@ fn table_of(value: Json, description: &str) -> Json {
     json!({ "type": "object", "description": description, "additionalProperties": value })
 }
 
+/// The keys that every node may have, by reference.
+fn node_keys() -> impl Iterator<Item = (String, Json)> {
+    let reference = |name| json!({ "$ref": format!("#/$defs/node.{name}") });
+    NODE_KEYS.iter().map(move |it| (it.name.to_owned(), reference(it.name)))
+}
+
 fn inner_pipeline_schema() -> Json {
+    let mut properties = Map::new();
+    properties.insert("kind".to_owned(), json!({ "const": "pipeline" }));
+    let file = json!({ "type": "string", "description": "Relative to this file." });
+    properties.insert("file".to_owned(), file);
+    properties.extend(node_keys());
     json!({
         "title": "pipeline",
         "description": "Another file: its inputs, parameters and outputs are those of this node.",
         "type": "object",
         "required": ["kind", "file"],
-        "properties": {
-            "kind": { "const": "pipeline" },
-            "file": { "type": "string", "description": "Relative to this file." },
-        },
+        "properties": properties,
     })
 }
 
-fn kind_schema(kind: &NodeKind, definitions: &mut Map<String, Json>) -> Json {
+fn kind_schema(kind: &NodeKind, types: &[&str], definitions: &mut Map<String, Json>) -> Json {
     let spec = &kind.spec;
     let mut schema = Json::from((kind.schema)());
     rename_references(&mut schema, spec.kind);
@@ -172,6 +185,10 @@ fn kind_schema(kind: &NodeKind, definitions: &mut Map<String, Json>) -> Json {
     properties.extend(spec.inputs.iter().map(|it| (it.name.to_owned(), port_schema(it))));
     if let Some(Json::Object(params)) = schema.get_mut("properties").map(Json::take) {
         properties.extend(params.into_iter().map(|(name, it)| (name, or_template(it))));
+    }
+    properties.extend(node_keys());
+    if kind.open {
+        declare_ports(&mut properties, types);
     }
     let ports = spec.inputs.iter().filter(|it| !it.arity.may_be_left_out()).map(|it| it.name);
     let mut required: Vec<Json> = ["kind"].into_iter().chain(ports).map(Json::from).collect();
@@ -202,12 +219,30 @@ fn missing_schema() -> Json {
     })
 }
 
+/// What a pipeline writes for the ports of an open kind, where the parameters say what becomes of it.
+fn declare_ports(properties: &mut Map<String, Json>, types: &[&str]) {
+    let values =
+        [("inputs", wire_or_list()), ("outputs", json!({ "type": "string", "enum": types }))];
+    for (name, value) in values {
+        let description = properties[name]["description"].clone();
+        properties[name] = json!({
+            "description": description,
+            "type": "object",
+            "additionalProperties": value,
+        });
+    }
+}
+
+fn wire_or_list() -> Json {
+    let wire = json!({ "$ref": "#/$defs/wire" });
+    json!({ "anyOf": [wire, { "type": "array", "items": wire }] })
+}
+
 fn port_schema(port: &Port) -> Json {
     let wire = json!({ "$ref": "#/$defs/wire" });
     let description = format!("`{}`: {}", port.ty.name, port.doc);
     if port.arity.takes_list() {
-        let list = json!({ "type": "array", "items": wire });
-        json!({ "description": description, "anyOf": [wire, list] })
+        json!({ "description": description, "anyOf": wire_or_list()["anyOf"] })
     } else {
         json!({ "description": description, "allOf": [wire] })
     }

@@ -1,6 +1,7 @@
 //! A library without geometry: kinds that add numbers, for the tests and benchmarks of the engine.
 
 use std::{
+    io::Write,
     path::{Path, PathBuf},
     sync::atomic::{AtomicUsize, Ordering},
     time::Duration,
@@ -14,7 +15,7 @@ use super::{
     library::Library,
     node::{
         Input, InputFile, Inputs, Labelled, LabelledInputs, Node, NodeError, NodeIo, NodeKind,
-        OptionalInput, OptionalOutput, Output, Spec,
+        OptionalInput, OptionalInputs, OptionalOutput, Output, Spec,
     },
 };
 
@@ -27,6 +28,7 @@ pub static TOY: Library = Library {
         NodeKind::of::<DriftNode>(),
         NodeKind::of::<FailNode>(),
         NodeKind::of::<GatherNode>(),
+        NodeKind::of::<MisbehaveNode>(),
         NodeKind::of::<NumberNode>(),
         NodeKind::of::<OptionalNode>(),
         NodeKind::of::<PanicNode>(),
@@ -34,6 +36,7 @@ pub static TOY: Library = Library {
         NodeKind::of::<ScaleNode>(),
         NodeKind::of::<SleepNode>(),
         NodeKind::of::<TextFileNode>(),
+        NodeKind::of::<WaitNode>(),
     ],
     types: &[ArtifactKind::of::<Number>(), ArtifactKind::of::<Text>()],
     common_formats: &[],
@@ -294,6 +297,109 @@ impl Node for FailNode {
     }
 }
 
+/// Misbehaves, or does so the first times that it runs, and adds numbers after that.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct MisbehaveNode {
+    /// What it does.
+    how: Misbehaviour,
+    /// The file in which it counts how often it has run; without it, it misbehaves always.
+    #[serde(default)]
+    counter: Option<String>,
+    /// How often it misbehaves.
+    #[serde(default)]
+    times: u64,
+}
+
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+enum Misbehaviour {
+    /// Returns an error.
+    Fail,
+    /// Returns an error that blames the machine.
+    Blame,
+    /// Panics.
+    Panic,
+    /// Writes to an address that it does not have.
+    Crash,
+    /// Calls itself until there is no stack left.
+    Recurse,
+    /// Allocates until there is no memory left.
+    Allocate,
+    /// Ends the process.
+    Exit,
+    /// Never comes back.
+    Hang,
+}
+
+impl MisbehaveNode {
+    const TERMS: OptionalInputs<Number> = OptionalInputs::new("terms", "what is added");
+
+    /// Whether it has misbehaved often enough.
+    fn is_reformed(&self) -> std::io::Result<bool> {
+        let Some(path) = &self.counter else { return Ok(false) };
+        let mut file = std::fs::File::options().create(true).append(true).open(path)?;
+        let n_runs = file.metadata()?.len();
+        file.write_all(b".")?;
+        Ok(n_runs >= self.times)
+    }
+}
+
+impl Node for MisbehaveNode {
+    const SPEC: Spec = Spec {
+        kind: "misbehave",
+        version: 1,
+        inputs: &[Self::TERMS.port()],
+        outputs: &[NUMBER.port()],
+        cites: &[],
+        example: "[nodes.bad]\nkind = \"misbehave\"\nhow = \"hang\"\n",
+    };
+
+    fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
+        if !self.is_reformed()? {
+            io.progress(None, "misbehaves");
+            self.how.misbehave()?;
+        }
+        let sum = io.get_all_optional(Self::TERMS).iter().map(|it| it.0).sum();
+        io.put(NUMBER, Number(sum));
+        Ok(())
+    }
+}
+
+impl Misbehaviour {
+    fn misbehave(self) -> Result<(), NodeError> {
+        match self {
+            Self::Fail => Err(NodeError::failed("not this time")),
+            Self::Blame => Err(NodeError::environment("the machine does not want to")),
+            Self::Panic => panic!("not this time"),
+            Self::Crash => {
+                eprintln!("about to crash");
+                let nowhere = std::ptr::without_provenance_mut::<u8>(8);
+                // SAFETY: none; that is the point.
+                unsafe { nowhere.write_volatile(1) };
+                Ok(())
+            }
+            Self::Recurse => Err(NodeError::failed(format!("came back from {}", recurse(1)))),
+            Self::Allocate => allocate(),
+            Self::Exit => std::process::exit(7),
+            Self::Hang => loop {
+                std::thread::sleep(Duration::from_secs(3600));
+            },
+        }
+    }
+}
+
+#[expect(unconditional_recursion, reason = "that is the point")]
+fn recurse(depth: u64) -> u64 {
+    std::hint::black_box(recurse(std::hint::black_box(depth + 1)) + 1)
+}
+
+/// Takes 8 GB, so that a test without a limit does not end the machine.
+fn allocate() -> Result<(), NodeError> {
+    let blocks: Vec<Vec<u8>> = (0..128).map(|it| vec![it; 64 << 20]).collect();
+    Err(NodeError::failed(format!("got {} blocks of memory", blocks.len())))
+}
+
 /// Makes a number.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -532,6 +638,35 @@ impl Node for TextFileNode {
             }
         }
         io.put(Self::TEXT, Text(text));
+        Ok(())
+    }
+}
+
+/// Takes its time as a kind does that waits for a program: it ends when it is told to.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct WaitNode {
+    /// How long, in milliseconds.
+    duration_ms: u64,
+}
+
+impl Node for WaitNode {
+    const SPEC: Spec = Spec {
+        kind: "wait",
+        version: 1,
+        inputs: &[],
+        outputs: &[NUMBER.port()],
+        cites: &[],
+        example: "[nodes.nap]\nkind = \"wait\"\nduration_ms = 1\n",
+    };
+    const HANDLES_LIMITS: bool = true;
+
+    fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
+        io.progress(None, "waits");
+        if io.cancel().sleep(Duration::from_millis(self.duration_ms)) {
+            return Err(NodeError::failed("was told to end"));
+        }
+        io.put(NUMBER, Number(1));
         Ok(())
     }
 }

@@ -6,6 +6,7 @@
 //! does not depend on the number of threads: same input, same bytes.
 
 pub mod basis;
+pub mod canvas;
 pub mod cholesky;
 pub mod clean;
 pub mod clip;
@@ -14,6 +15,7 @@ pub mod decimate;
 pub mod descriptors;
 pub mod eigs;
 pub mod exact_regressor;
+pub mod figure;
 pub mod files;
 pub mod fill;
 pub mod fit_clip;
@@ -43,11 +45,11 @@ pub mod skeleton_transfer;
 pub mod skinning;
 pub mod snapshot;
 pub mod sparse;
-pub mod stack_tables;
 pub mod subdivide;
 pub mod synthesize;
 pub mod table;
 pub mod tall;
+pub mod text;
 pub mod topology;
 pub mod transfer_weights;
 pub mod weights;

@@ -2,7 +2,9 @@
 
 use crate::engine::node::NodeKind;
 
+mod check;
 mod clean;
+mod command;
 mod decimate;
 mod descriptors;
 mod download;
@@ -14,6 +16,8 @@ mod laplacian;
 mod load;
 mod make_body;
 mod normalize;
+mod plot;
+mod python;
 mod regressor;
 mod rig;
 mod snapshot;
@@ -21,13 +25,16 @@ mod spectral_regressor;
 mod subdivide;
 mod synthesize;
 mod table;
+mod table_file;
 mod transfer;
 mod transfer_weights;
 mod zoomout;
 
 /// Every kind. Keep sorted by name.
 pub static ALL: &[NodeKind] = &[
+    NodeKind::of::<check::Check>(),
     NodeKind::of::<clean::Clean>(),
+    NodeKind::open::<command::Command>(),
     NodeKind::of::<decimate::Decimate>(),
     NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
@@ -39,6 +46,8 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<load::Load>(),
     NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<normalize::Normalize>(),
+    NodeKind::of::<plot::Plot>(),
+    NodeKind::open::<python::Python>(),
     NodeKind::of::<regressor::RegressorNode>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<snapshot::Snapshot>(),
@@ -46,6 +55,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<subdivide::Subdivide>(),
     NodeKind::of::<synthesize::Synthesize>(),
     NodeKind::of::<table::TableNode>(),
+    NodeKind::of::<table_file::TableFile>(),
     NodeKind::of::<transfer::Transfer>(),
     NodeKind::of::<transfer_weights::TransferWeights>(),
     NodeKind::of::<zoomout::ZoomOut>(),

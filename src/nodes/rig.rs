@@ -97,7 +97,7 @@ mod tests {
 
     use super::*;
     use crate::engine::artifact::{AnyArtifact, Artifact};
-    use crate::engine::node::{NodeOutputs, Surroundings};
+    use crate::engine::node::{NodeOutputs, PortInputs, Surroundings};
     use crate::kernels::mesh::Vec3;
     use crate::kernels::shapes::icosphere;
 
@@ -116,17 +116,17 @@ mod tests {
     }
 
     fn run(node: &RigNode, weights: SkinWeights) -> Result<NodeOutputs, NodeError> {
-        fn artifact(value: impl Artifact) -> Vec<AnyArtifact> {
-            vec![AnyArtifact::encode(value).0]
+        fn artifact(value: impl Artifact) -> PortInputs {
+            vec![Ok(AnyArtifact::encode(value).0)]
         }
         let inputs = BTreeMap::from([
             ("mesh", artifact(icosphere(0))),
             ("skeleton", artifact(skeleton(3))),
             ("weights", artifact(weights)),
         ]);
-        let surroundings = Surroundings::default();
+        let (surroundings, labels) = (Surroundings::default(), BTreeMap::new());
         let mut io =
-            NodeIo::new(&RigNode::SPEC, inputs, BTreeMap::new(), &surroundings, &|_, _| {});
+            NodeIo::new(&RigNode::SPEC, inputs, labels, BTreeMap::new(), &surroundings, &|_, _| {});
         node.run(&mut io)?;
         Ok(io.finish())
     }

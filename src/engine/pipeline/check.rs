@@ -18,12 +18,13 @@ use super::{
     nearest::{nearest, suggest},
     outputs,
     repeat::{self, Joined, Repeat},
+    settings::suggest_key,
     sources::Sources,
     value::{AxisId, Data, Entry, Value},
     wires::{self, WireEnd},
 };
 use crate::engine::{
-    artifact::ArtifactType,
+    artifact::{ANY, ArtifactType},
     graph::{Graph, InputLabels, Inputs, Instance, Place, PortRef},
     library::Library,
     node::{AnyNode, NodeKind, Port},
@@ -230,7 +231,7 @@ impl Checker<'_> {
     fn check_constant_drafts(&mut self) {
         for draft in &self.expansion.drafts {
             if draft.fields.iter().all(|it| it.value.is_constant()) {
-                self.check_node(draft, &draft.fields);
+                self.check_node(draft, &draft.fields, None);
             }
         }
     }
@@ -249,23 +250,27 @@ impl Checker<'_> {
             draft
                 .fields
                 .iter()
-                .map(|it| (it.key.name.to_string(), it.value.place.clone()))
+                .map(|it| {
+                    let written = it.value.origin.as_ref().unwrap_or(&it.value.place);
+                    (it.key.name.to_string(), written.clone())
+                })
                 .collect(),
         );
         let is_constant = draft.fields.iter().all(|it| it.value.is_constant());
         let shared = if is_constant {
-            match self.check_node(draft, &draft.fields) {
+            match self.check_node(draft, &draft.fields, Some(wires)) {
                 Some(node) => Some(node),
                 None => return false,
             }
         } else {
             None
         };
+        let settings = draft.settings.clone().complete();
         let n_problems = self.problems.len();
         for point in repeated.repeat.points(axes) {
             let node = match &shared {
                 Some(node) => Some(node.clone()),
-                None => self.check_item(draft, &point),
+                None => self.check_item(draft, wires, &point),
             };
             // The same mistake at thousands of items is told a few times.
             if self.problems.len() > n_problems + 5 {
@@ -282,6 +287,7 @@ impl Checker<'_> {
                 input_labels,
                 shows_missing: draft.gather.shows_missing,
                 files,
+                settings: settings.clone(),
                 place: draft.place.clone(),
                 field_places: Arc::clone(&field_places),
             });
@@ -293,6 +299,7 @@ impl Checker<'_> {
     fn check_item(
         &mut self,
         draft: &Draft,
+        wires: &Wires,
         point: &Point,
     ) -> Option<(Arc<dyn AnyNode>, BTreeMap<PathBuf, PathBuf>)> {
         let axes = &self.expansion.axes;
@@ -304,7 +311,7 @@ impl Checker<'_> {
                 value: axes::fill(value, axes, point),
             })
             .collect();
-        self.check_node(draft, &fields)
+        self.check_node(draft, &fields, Some(wires))
     }
 
     /// The node with its files, from parameters in which everything is filled in.
@@ -312,10 +319,11 @@ impl Checker<'_> {
         &mut self,
         draft: &Draft,
         fields: &[Entry],
+        wires: Option<&Wires>,
     ) -> Option<(Arc<dyn AnyNode>, BTreeMap<PathBuf, PathBuf>)> {
         let n_problems = self.problems.len();
         let params = self.check_params(draft, fields);
-        let node = self.parse(draft, fields, params?)?;
+        let node = self.parse(draft, fields, params?, wires)?;
         let files = self.check_files(draft, fields, node.as_ref());
         (self.problems.len() == n_problems).then(|| (Arc::from(node), files))
     }
@@ -351,7 +359,7 @@ impl Checker<'_> {
 
     fn check_wire(&mut self, draft: &Draft, port: &Port, wire: &Value) -> Option<WireEnd> {
         let end = wires::follow(self.expansion, draft.scope, wire, self.problems)?;
-        if end.port.ty.name != port.ty.name {
+        if end.port.ty.name != port.ty.name && port.ty != ANY {
             self.report_wire_type(port.name, port.ty, &end, wire, None);
             return None;
         }
@@ -435,10 +443,18 @@ impl Checker<'_> {
         res.map(Json::Object)
     }
 
-    fn parse(&mut self, draft: &Draft, fields: &[Entry], params: Json) -> Option<Box<dyn AnyNode>> {
-        let checked = (draft.kind.parse)(params)
-            .map_err(|e| e.to_string())
-            .and_then(|node| node.validate().map(|()| node));
+    fn parse(
+        &mut self,
+        draft: &Draft,
+        fields: &[Entry],
+        params: Json,
+        wires: Option<&Wires>,
+    ) -> Option<Box<dyn AnyNode>> {
+        let checked = (draft.kind.parse)(params).map_err(|e| e.to_string()).and_then(|node| {
+            node.validate()?;
+            wires.map_or(Ok(()), |it| node.check_inputs(&types_of(it)))?;
+            Ok(node)
+        });
         checked
             .map_err(|message| {
                 // A message that starts with a field's name is shown at that field.
@@ -463,7 +479,7 @@ impl Checker<'_> {
         let mut res = BTreeMap::new();
         for (field, file) in node.files() {
             let path = &file.0;
-            let value = fields.iter().find(|it| *it.key.name == *field).map(|it| &it.value);
+            let value = field_value(fields, &field);
             if !self.check_file(draft, value, path) {
                 continue;
             }
@@ -551,6 +567,24 @@ fn is_given(draft: &Draft, name: &str, fields: &Fields) -> bool {
     draft.fields.iter().any(|it| is_meant(&it.key.name))
 }
 
+/// The types of the artifacts that are wired to each input.
+fn types_of(wires: &Wires) -> BTreeMap<&'static str, Vec<ArtifactType>> {
+    let types = |ends: &Vec<WireEnd>| ends.iter().map(|it| it.port.ty).collect();
+    wires.iter().map(|(port, ends)| (*port, types(ends))).collect()
+}
+
+/// The value of a field, or of a name in a field that is a table (`files.script`).
+fn field_value<'a>(fields: &'a [Entry], field: &str) -> Option<&'a Value> {
+    let (field, name) = field.split_once('.').map_or((field, None), |it| (it.0, Some(it.1)));
+    let value = &fields.iter().find(|it| *it.key.name == *field)?.value;
+    match (name, &value.data) {
+        (Some(name), Data::Table(entries)) => {
+            entries.iter().find(|it| *it.key.name == *name).map(|it| &it.value)
+        }
+        _ => Some(value),
+    }
+}
+
 fn report_unknown_key(
     draft: &Draft,
     key: &super::value::Key,
@@ -562,7 +596,7 @@ fn report_unknown_key(
     let output = spec.outputs.iter().find(|it| *it.name == *key.name);
     let hint = match output {
         Some(_) => Some(format!("`{}` is an output", key.name)),
-        None => suggest(&key.name, names),
+        None => suggest_key(&key.name, names),
     };
     let message = format!("kind `{}` has no key `{}`", spec.kind, key.name);
     problems.push(Diagnostic::error(&key.place, message).hint(hint));

@@ -46,6 +46,11 @@ impl Converter<'_> {
                 let path = self.sources.resolve(value.base, text);
                 Some(path.to_string_lossy().into_owned().into())
             }
+            (Shape::Program, Data::Text(text)) if !text.starts_with('@') => {
+                let is_path = text.contains('/');
+                let path = || self.sources.resolve(value.base, text).to_string_lossy().into_owned();
+                Some(if is_path { path().into() } else { (**text).into() })
+            }
             (Shape::Choice(names), Data::Text(text)) if !text.starts_with('@') => {
                 self.choice(name, value, text, names)
             }
@@ -230,7 +235,7 @@ fn matches(shape: &Shape, value: &Value, exactly: bool) -> bool {
         | (Shape::Bool, Data::Bool(_))
         | (Shape::Integer(_) | Shape::Number(_), Data::Integer(_))
         | (Shape::Number(_), Data::Float(_))
-        | (Shape::Text | Shape::File, Data::Text(_))
+        | (Shape::Text | Shape::File | Shape::Program, Data::Text(_))
         | (Shape::List { .. } | Shape::Tuple(_), Data::List(_))
         | (Shape::Map(_), Data::Table(_)) => true,
         (Shape::Choice(names), Data::Text(text)) => {

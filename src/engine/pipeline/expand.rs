@@ -11,12 +11,14 @@ use super::{
     diagnostic::{Diagnostic, Problems},
     gather::{self, Gather},
     nearest::{nearest, suggest},
+    open_ports,
     parse::{self, Document, NodeTable},
+    settings::{self, WrittenSettings},
     sources::Sources,
     substitute::{self, Names, Params},
     value::{AxisId, Data, Entry, Key, Piece, Value},
 };
-use crate::engine::{graph::Place, library::Library, node::NodeKind};
+use crate::engine::{graph::Place, library::Library, node::NodeKind, settings::is_node_key};
 
 /// The kind that stands for a whole file.
 const PIPELINE: &str = "pipeline";
@@ -41,6 +43,7 @@ pub struct Draft {
     /// Parameters and wires, with `${}` filled in where it names no axis.
     pub fields: Vec<Entry>,
     pub gather: Gather,
+    pub settings: WrittenSettings,
 }
 
 impl Draft {
@@ -61,6 +64,8 @@ pub struct Scope {
     pub parent: Option<usize>,
     /// Wires of the parent for the inputs of this file.
     pub given: HashMap<Arc<str>, Value>,
+    /// How its nodes are run if they do not say it themselves.
+    pub settings: WrittenSettings,
 }
 
 /// What a wire can lead to.
@@ -116,6 +121,7 @@ struct Use<'a> {
 struct Given {
     params: Params,
     wires: HashMap<Arc<str>, Value>,
+    settings: WrittenSettings,
 }
 
 struct Expander<'a> {
@@ -143,6 +149,7 @@ impl Expander<'_> {
             names,
             parent,
             given: given.wires,
+            settings: given.settings,
         });
         for node in &document.nodes {
             let target = self.expand_node(node, scope, prefix);
@@ -178,11 +185,13 @@ impl Expander<'_> {
     }
 
     fn expand_node(&mut self, node: &NodeTable, scope: usize, prefix: &str) -> Target {
-        let fields = self.filled_in(&node.fields, scope);
+        let mut fields = self.filled_in(&node.fields, scope);
+        let outer = &self.res.scopes[scope].settings;
+        let settings = settings::take(&mut fields, outer, self.problems);
         match node.kind.as_text() {
-            Some(PIPELINE) => self.expand_pipeline(&node.name, fields, scope, prefix),
+            Some(PIPELINE) => self.expand_pipeline(&node.name, fields, settings, scope, prefix),
             Some(kind) => match self.library.kind(kind) {
-                Some(kind) => self.add_draft(node, kind, fields, scope, prefix),
+                Some(kind) => self.add_draft(node, kind, fields, settings, scope, prefix),
                 None => self.report_unknown_kind(kind, &node.kind.place),
             },
             None => Target::Broken,
@@ -207,10 +216,12 @@ impl Expander<'_> {
         &mut self,
         node: &NodeTable,
         kind: &'static NodeKind,
-        mut fields: Vec<Entry>,
+        fields: Vec<Entry>,
+        settings: WrittenSettings,
         scope: usize,
         prefix: &str,
     ) -> Target {
+        let (kind, mut fields) = open_ports::declared(kind, fields, self.library, self.problems);
         let gather = gather::take(&mut fields, kind, self.problems);
         self.res.drafts.push(Draft {
             name: format!("{prefix}{}", node.name.name).into(),
@@ -219,6 +230,7 @@ impl Expander<'_> {
             place: node.name.place.clone(),
             fields,
             gather,
+            settings,
         });
         Target::Node(self.res.drafts.len() - 1)
     }
@@ -235,6 +247,7 @@ impl Expander<'_> {
         &mut self,
         name: &Key,
         mut fields: Vec<Entry>,
+        settings: WrittenSettings,
         scope: usize,
         prefix: &str,
     ) -> Target {
@@ -248,7 +261,7 @@ impl Expander<'_> {
         if let Some(start) = self.open.iter().position(|&it| it == source) {
             return self.report_recursion(start, &file.place);
         }
-        let given = self.give(name, fields, &document);
+        let given = Given { settings, ..self.give(name, fields, &document) };
         self.open.push(source);
         let prefix = format!("{prefix}{}/", name.name);
         let inner = self.expand(Use { document, prefix: &prefix, parent: Some(scope), given });
@@ -299,6 +312,7 @@ impl Expander<'_> {
 
     /// Sorts the fields of a pipeline node into the inputs and parameters of its file.
     fn give(&mut self, name: &Key, fields: Vec<Entry>, document: &Document) -> Given {
+        self.report_node_keys(document);
         let mut given = Given::default();
         let mut unknown = Vec::new();
         for Entry { key, value } in fields {
@@ -329,9 +343,24 @@ impl Expander<'_> {
         given
     }
 
+    /// A node's own settings would hide a parameter or an input of such a name.
+    fn report_node_keys(&mut self, document: &Document) {
+        let params = document.params.iter().map(|it| &it.key);
+        for key in document.inputs.iter().map(|it| &it.name).chain(params) {
+            if is_node_key(&key.name) {
+                let message =
+                    format!("`{}` is a key of every node and needs another name", key.name);
+                self.problems.push(
+                    Diagnostic::error(&key.place, message)
+                        .hint("this file is used as a node".to_owned()),
+                );
+            }
+        }
+    }
+
     fn report_unknown_key(&mut self, name: &Key, key: &Key, document: &Document) {
         let message = format!("pipeline `{}` has no key `{}`", name.name, key.name);
-        let hint = suggest(&key.name, keys_of(document));
+        let hint = settings::suggest_key(&key.name, keys_of(document));
         self.problems.push(Diagnostic::error(&key.place, message).hint(hint));
     }
 }
@@ -383,5 +412,6 @@ pub fn check_axis_fields(value: &Value, axes: &[Axis], problems: &mut Problems) 
 /// What a node can say to an inner pipeline.
 fn keys_of(document: &Document) -> impl Iterator<Item = &str> {
     let inputs = document.inputs.iter().map(|it| &*it.name.name);
-    inputs.chain(document.params.iter().map(|it| &*it.key.name)).chain(["file"])
+    let params = document.params.iter().map(|it| &*it.key.name);
+    inputs.chain(params).chain(["file"])
 }

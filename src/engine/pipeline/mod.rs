@@ -5,7 +5,9 @@
 //!
 //! 1. [`sources`] reads files, [`parse`] cuts them into sections, [`value`] keeps places;
 //! 2. [`overrides`] applies a profile and `--set` to the file that was asked for;
-//! 3. [`expand`] turns inner pipelines into nodes and fills in `${}` ([`substitute`]);
+//! 3. [`expand`] turns inner pipelines into nodes, fills in `${}` ([`substitute`]) and takes out how
+//!    each node is run ([`settings`]); the ports that a node of an open kind declares become those of
+//!    its kind ([`open_ports`]);
 //! 4. [`wires`] finds the nodes that `@` names, through the ports of inner pipelines;
 //! 5. [`check`] holds every node against its kind: parameters ([`convert`]), wires, files;
 //! 6. [`outputs`] and [`cycles`] look at the whole.
@@ -18,10 +20,12 @@ pub mod diagnostic;
 mod expand;
 mod gather;
 mod nearest;
+mod open_ports;
 mod outputs;
 mod overrides;
 mod parse;
 mod repeat;
+mod settings;
 mod sources;
 mod substitute;
 mod value;

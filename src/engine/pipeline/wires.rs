@@ -173,10 +173,10 @@ impl<'a> Follower<'a> {
         wire: &Value,
     ) -> Option<WireEnd> {
         let outputs = self.expansion.drafts[draft].kind.spec.outputs;
-        let found = match (port, outputs) {
-            (None, [output]) => Some(output),
-            (None, _) => None,
-            (Some(port), _) => outputs.iter().find(|it| it.name == port),
+        let mut meant = outputs.iter().filter(|it| outputs.len() == 1 || !it.aside);
+        let found = match port {
+            None => meant.next().filter(|_| meant.next().is_none()),
+            Some(port) => outputs.iter().find(|it| it.name == port),
         };
         if found.is_none() {
             self.report_port(name, port, outputs.iter().map(|it| it.name).collect(), wire);

@@ -3,11 +3,11 @@
 use std::{fs, path::Path};
 
 use crate::engine::{
-    artifact::{AnyArtifact, Decoder},
+    artifact::AnyArtifact,
     digest::Digest,
     events::Failure,
     file_digests,
-    library::Library,
+    library::{self, Library},
     node::extension_of,
     store::disk::Disk,
 };
@@ -41,13 +41,7 @@ pub fn encode(
     artifact: &AnyArtifact,
     extension: &str,
 ) -> Result<Vec<u8>, String> {
-    if let Some(common) = library.common_formats.iter().find(|it| it.format.extension == extension)
-    {
-        let bytes = artifact.to_bytes();
-        let decoder = Decoder::new(&bytes).map_err(|e| e.to_string())?;
-        return (common.write)(&bytes, &decoder).map_err(|e| e.to_string());
-    }
-    artifact.export(extension)
+    library::export(library.common_formats, artifact, extension)
 }
 
 /// What is remembered about an exported file: its artifact, and the file's own identity.

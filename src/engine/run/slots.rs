@@ -3,7 +3,7 @@
 use std::{
     collections::{BTreeMap, BTreeSet},
     sync::Arc,
-    time::Instant,
+    time::{Duration, Instant},
 };
 
 use petgraph::graph::NodeIndex;
@@ -11,7 +11,7 @@ use petgraph::graph::NodeIndex;
 use crate::engine::{
     artifact::AnyArtifact,
     digest::Digest,
-    events::Outcome,
+    events::{Failure, Outcome},
     graph::Graph,
     key::Key,
     plan::{Outputs, Reason},
@@ -29,6 +29,8 @@ pub enum Work {
     /// Another process computes the same key.
     Claimed,
     Running,
+    /// It failed, and waits for its next try.
+    Backoff,
 }
 
 /// One instance's state.
@@ -49,6 +51,11 @@ pub struct Slot {
     pub reason: Reason,
     pub work: Work,
     pub claim: Option<Claim>,
+    /// Somebody has been told that another process computes its key.
+    pub told_claimed: bool,
+    /// Tries that failed, and the last of their failures.
+    pub n_failed: u32,
+    pub last_failure: Option<(Failure, Duration)>,
     pub started: Option<Instant>,
     /// Threads granted to its job.
     pub threads: usize,
@@ -86,6 +93,9 @@ impl Slot {
             reason: Reason::New,
             work: Work::Idle,
             claim: None,
+            told_claimed: false,
+            n_failed: 0,
+            last_failure: None,
             started: None,
             threads: 0,
             unknown_inputs,

@@ -1,12 +1,9 @@
 //! Workers: run nodes and write exports, one job at a time each.
 
 use std::{
-    any::Any,
-    cell::RefCell,
     collections::BTreeMap,
-    panic::{AssertUnwindSafe, catch_unwind},
     path::PathBuf,
-    sync::{Arc, Once},
+    sync::Arc,
     time::{Duration, Instant},
 };
 
@@ -14,30 +11,38 @@ use crossbeam_channel::{Receiver, Sender};
 use petgraph::graph::NodeIndex;
 use rayon::ThreadPool;
 
-use super::{RunOptions, export, message::Message};
+use super::{
+    RunOptions, export,
+    guard::{self, guarded},
+    isolated,
+    message::Message,
+};
 use crate::engine::{
     artifact::{AnyArtifact, ArtifactType},
+    cancel::CancelToken,
     digest::Digest,
     events::{ExportOutcome, Failure},
-    graph::{Graph, PortRef},
+    graph::{Graph, Instance, PortRef},
     library::Library,
-    node::{NodeError, NodeIo, NodeOutputs},
+    node::{NodeError, NodeIo, NodeOutputs, PortInputs, ProgressFn},
     store::{ObjectError, Store},
 };
 
 /// What a worker is asked to do.
 pub enum Job {
-    Run {
-        instance: NodeIndex,
-        inputs: BTreeMap<&'static str, JobInputs>,
-        /// The pool to run in; `None` for the worker's own thread.
-        pool: Option<Arc<ThreadPool>>,
-    },
-    Export {
-        rule: usize,
-        value: Value,
-        path: PathBuf,
-    },
+    Run(RunJob),
+    Export { rule: usize, value: Value, path: PathBuf },
+}
+
+/// A node to run.
+pub struct RunJob {
+    pub instance: NodeIndex,
+    pub inputs: BTreeMap<&'static str, JobInputs>,
+    /// Threads granted to it.
+    pub threads: usize,
+    /// The pool to run in; `None` for the worker's own thread, or for a process of its own.
+    pub pool: Option<Arc<ThreadPool>>,
+    pub cancel: CancelToken,
 }
 
 /// What a job finds at a port: values in order, or why one is missing.
@@ -61,6 +66,8 @@ pub enum JobResult {
         wall: Duration,
     },
     Exported(ExportOutcome),
+    /// The run was given up before it was done.
+    Stopped,
     /// A stored artifact is gone or damaged; it has to be made again first.
     Lost {
         from: PortRef,
@@ -79,15 +86,13 @@ pub struct Context<'a> {
 
 /// Works until the queue is closed.
 pub fn work(context: &Context<'_>, jobs: &Receiver<Job>, messages: &Sender<Message>) {
-    catch_panic_places();
-    // Kernels that go parallel in a job of one thread must not find rayon's global pool.
-    let own_pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
-    let own_pool = own_pool.expect("a pool of the current thread needs nothing");
+    guard::catch_panic_places();
+    let own_pool = guard::own_pool();
     for job in jobs {
         let message = match job {
-            Job::Run { instance, inputs, pool } => {
-                let pool = pool.as_deref().unwrap_or(&own_pool);
-                let (loaded, result) = run_node(context, instance, inputs, pool, messages);
+            Job::Run(job) => {
+                let instance = job.instance;
+                let (loaded, result) = run_node(context, job, &own_pool, messages);
                 Message::Ran { instance, loaded, result }
             }
             Job::Export { rule, value, path } => {
@@ -106,12 +111,20 @@ pub type Loaded = Vec<(PortRef, AnyArtifact)>;
 
 fn run_node(
     context: &Context<'_>,
-    index: NodeIndex,
-    inputs: BTreeMap<&'static str, JobInputs>,
-    pool: &ThreadPool,
+    job: RunJob,
+    own_pool: &ThreadPool,
     messages: &Sender<Message>,
 ) -> (Loaded, JobResult) {
+    let RunJob { instance: index, inputs, threads, pool, cancel } = job;
     let instance = &context.graph.instances[index];
+    let progress = |fraction: Option<f64>, text: &str| {
+        let text = text.to_owned();
+        let _ = messages.send(Message::Progress { instance: index, fraction, text });
+    };
+    if instance.needs_process() {
+        let result = isolated::run(context, instance, &inputs, threads, &cancel, &progress);
+        return (Vec::new(), result);
+    }
     let start = Instant::now();
     let mut loaded = Vec::new();
     let mut artifacts = BTreeMap::new();
@@ -126,32 +139,41 @@ fn run_node(
         }
         artifacts.insert(port, list);
     }
-    let progress = |fraction: Option<f64>, text: &str| {
-        let text = text.to_owned();
-        let _ = messages.send(Message::Progress { instance: index, fraction, text });
-    };
-    let surroundings = &context.options.surroundings;
-    let spec = &instance.kind.spec;
-    let run = || {
-        let labels = instance.input_labels.clone();
-        let files = instance.files.clone();
-        let mut io = NodeIo::new(spec, artifacts, labels, files, surroundings, &progress);
-        instance.node.run(&mut io)?;
-        Ok(io.finish())
-    };
+    let cancel = cancel.with_limit(instance.settings.timeout);
+    let pool = pool.as_deref().unwrap_or(own_pool);
+    let run = || run_here(context, instance, artifacts, &cancel, &progress);
     let result = pool.install(|| guarded(run));
     let wall = start.elapsed();
-    let result = match result {
-        Ok(Ok(outputs)) => JobResult::Ran { outputs, wall },
-        Ok(Err(NodeError::Failed(message))) => {
-            JobResult::Failed { failure: Failure::Node(message), wall }
+    let failure = match result {
+        Ok(Ok(outputs)) => return (loaded, JobResult::Ran { outputs, wall }),
+        // It has ended because it was told to, whatever it says.
+        Ok(Err(_)) if instance.kind.handles_limits && cancel.is_given_up() => {
+            return (loaded, JobResult::Stopped);
         }
-        Ok(Err(NodeError::Environment(message))) => {
-            JobResult::Failed { failure: Failure::Environment(message), wall }
-        }
-        Err(message) => JobResult::Failed { failure: Failure::Panic(message), wall },
+        Ok(Err(_)) if cancel.is_late() => isolated::too_late(instance),
+        Ok(Err(NodeError::Failed(message))) => Failure::Node(message),
+        Ok(Err(NodeError::Environment(message))) => Failure::Environment(message),
+        Err(message) => Failure::Panic(message),
     };
-    (loaded, result)
+    (loaded, JobResult::Failed { failure, wall })
+}
+
+/// Runs a node in this process.
+fn run_here(
+    context: &Context<'_>,
+    instance: &Instance,
+    inputs: BTreeMap<&'static str, PortInputs>,
+    cancel: &CancelToken,
+    progress: ProgressFn<'_>,
+) -> Result<NodeOutputs, NodeError> {
+    let (spec, surroundings) = (&instance.kind.spec, &context.options.surroundings);
+    let (labels, files) = (instance.input_labels.clone(), instance.files.clone());
+    let stored_file = |digest: &Digest| context.store.object_file(digest);
+    let mut io = NodeIo::new(spec, inputs, labels, files, surroundings, progress)
+        .with_cancel(cancel.clone())
+        .with_stored_files(&stored_file);
+    instance.node.run(&mut io)?;
+    Ok(io.finish())
 }
 
 fn run_export(context: &Context<'_>, value: Value, path: &std::path::Path) -> (Loaded, JobResult) {
@@ -195,51 +217,4 @@ fn load(
             Err(JobResult::Lost { from, error: ObjectError::Missing { digest } })
         }
     }
-}
-
-thread_local! {
-    /// Where this thread panicked last, while it was being watched.
-    static PANIC: RefCell<Option<String>> = const { RefCell::new(None) };
-    static WATCHED: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
-}
-
-/// Runs something that may panic; the error is the panic's message with its place.
-fn guarded<T>(run: impl FnOnce() -> T) -> Result<T, String> {
-    let before = WATCHED.replace(true);
-    let result = catch_unwind(AssertUnwindSafe(run));
-    WATCHED.set(before);
-    result.map_err(|panic| PANIC.take().unwrap_or_else(|| panic_message(&*panic)))
-}
-
-fn panic_message(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<&str>().copied();
-    text.or_else(|| panic.downcast_ref::<String>().map(String::as_str))
-        .unwrap_or("a panic without a message")
-        .to_owned()
-}
-
-/// A pool for jobs of several threads; panics of its threads are watched as well.
-pub fn pool(threads: usize) -> ThreadPool {
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .thread_name(|index| format!("kernel {index}"))
-        .start_handler(|_| WATCHED.set(true))
-        .build()
-        .expect("the machine has threads left")
-}
-
-/// Keeps watched panics off the terminal: they become the failure of one instance.
-fn catch_panic_places() {
-    static ONCE: Once = Once::new();
-    ONCE.call_once(|| {
-        let before = std::panic::take_hook();
-        std::panic::set_hook(Box::new(move |info| {
-            if !WATCHED.get() {
-                return before(info);
-            }
-            let place = info.location().map(|it| format!(" ({}:{})", it.file(), it.line()));
-            let message = panic_message(info.payload());
-            PANIC.set(Some(format!("{message}{}", place.unwrap_or_default())));
-        }));
-    });
 }

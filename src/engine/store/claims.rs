@@ -4,14 +4,38 @@
 //! system call, leaves nothing behind, and the kernel takes it back when its holder dies. (Two keys
 //! whose offsets collide, one chance in 2^62, only wait for each other.)
 
-use std::{fs::File, io, os::fd::AsRawFd, sync::Arc};
+use std::{
+    collections::HashSet,
+    fs::File,
+    io,
+    os::fd::AsRawFd,
+    sync::{Arc, Mutex, MutexGuard},
+};
 
 use crate::engine::digest::Digest;
+
+/// The file of claims, and which of them this process has taken through it.
+#[derive(Debug)]
+pub struct Claims {
+    file: File,
+    /// Offsets: to the kernel, two runs that share an open file are one.
+    held: Mutex<HashSet<i64>>,
+}
+
+impl Claims {
+    pub fn new(file: File) -> Self {
+        Self { file, held: Mutex::default() }
+    }
+
+    fn held(&self) -> MutexGuard<'_, HashSet<i64>> {
+        self.held.lock().expect("no thread panics while it holds the list of claims")
+    }
+}
 
 /// The right to compute a key, given back when dropped.
 #[derive(Debug)]
 pub struct Claim {
-    held: Option<(Arc<File>, i64)>,
+    held: Option<(Arc<Claims>, i64)>,
 }
 
 impl Claim {
@@ -20,12 +44,19 @@ impl Claim {
         Self { held: None }
     }
 
-    /// Takes the claim, or returns `None` if another process has it.
-    pub fn take(file: &Arc<File>, key: &Digest) -> io::Result<Option<Self>> {
+    /// Takes the claim, or returns `None` if another run has it, in this or another process.
+    pub fn take(claims: &Arc<Claims>, key: &Digest) -> io::Result<Option<Self>> {
         let first = key.0.first_chunk().expect("a digest has 32 bytes");
         let offset = (u64::from_le_bytes(*first) >> 2) as i64;
-        match lock(file, offset, libc::F_WRLCK) {
-            Ok(()) => Ok(Some(Self { held: Some((Arc::clone(file), offset)) })),
+        let mut held = claims.held();
+        if held.contains(&offset) {
+            return Ok(None);
+        }
+        match lock(&claims.file, offset, libc::F_WRLCK) {
+            Ok(()) => {
+                held.insert(offset);
+                Ok(Some(Self { held: Some((Arc::clone(claims), offset)) }))
+            }
             Err(error) if is_busy(&error) => Ok(None),
             Err(error) => Err(error),
         }
@@ -34,9 +65,11 @@ impl Claim {
 
 impl Drop for Claim {
     fn drop(&mut self) {
-        if let Some((file, offset)) = &self.held {
+        if let Some((claims, offset)) = &self.held {
+            let mut held = claims.held();
             // It can only fail for a file that is gone, and then nobody waits.
-            let _ = lock(file, *offset, libc::F_UNLCK);
+            let _ = lock(&claims.file, *offset, libc::F_UNLCK);
+            held.remove(offset);
         }
     }
 }

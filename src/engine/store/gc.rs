@@ -180,7 +180,10 @@ pub fn collect(dir: &Path, options: &GcOptions) -> Result<GcReport, GcError> {
         log.rewrite(|kind, digest| match kind {
             RecordKind::Entry => kept_keys.contains(digest),
             RecordKind::Object => kept_objects.contains(digest),
-            RecordKind::FileDigest | RecordKind::LastKey | RecordKind::Exported => !options.all,
+            RecordKind::FileDigest
+            | RecordKind::LastKey
+            | RecordKind::Exported
+            | RecordKind::Facts => !options.all,
         })?;
         remove_leftovers(dir)?;
     }

@@ -27,11 +27,12 @@ pub enum RecordKind {
     FileDigest = 3,
     LastKey = 4,
     Exported = 5,
+    Facts = 6,
 }
 
 impl RecordKind {
-    const ALL: [Self; 5] =
-        [Self::Entry, Self::Object, Self::FileDigest, Self::LastKey, Self::Exported];
+    const ALL: [Self; 6] =
+        [Self::Entry, Self::Object, Self::FileDigest, Self::LastKey, Self::Exported, Self::Facts];
 }
 
 const MAGIC: &[u8; 8] = b"SINEWLG1";

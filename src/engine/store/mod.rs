@@ -26,6 +26,7 @@ pub mod pins;
 mod uses;
 
 use std::{
+    collections::HashSet,
     fs::File,
     io,
     path::{Path, PathBuf},
@@ -36,6 +37,7 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 pub use claims::Claim;
+use claims::Claims;
 use disk::Disk;
 use gate::{Gate, Pass};
 use log::{Log, RecordKind};
@@ -124,14 +126,16 @@ pub struct Store {
     access: Access,
     disk: Disk,
     log: Mutex<Log>,
-    claims: Option<Arc<File>>,
+    claims: Option<Arc<Claims>>,
     /// None for a store that is only read.
     gate: Option<Arc<Gate>>,
     /// Held from the opening until a run has planned, so that nothing it has seen is removed.
     planning: Mutex<Option<Pass>>,
     /// What the run relies on that is going on, noted down for housekeeping.
     uses: Mutex<Option<Uses>>,
-    /// Large objects that were found damaged, for people.
+    /// Objects that were found damaged while the store was open.
+    damaged: Mutex<HashSet<Digest>>,
+    /// The same of large objects, for people.
     damage: Mutex<Vec<String>>,
 }
 
@@ -163,7 +167,7 @@ impl Store {
             gate = Some(open);
             let path = dir.join("claims");
             let file = disk.open_or_create(&path).map_err(StoreError::new("write", &path))?;
-            claims = Some(Arc::new(file));
+            claims = Some(Arc::new(Claims::new(file)));
         }
         let log = Log::open(disk, &dir.join("log"))?;
         Ok(Self {
@@ -175,6 +179,7 @@ impl Store {
             gate,
             planning: Mutex::new(planning),
             uses: Mutex::default(),
+            damaged: Mutex::default(),
             damage: Mutex::default(),
         })
     }
@@ -241,11 +246,24 @@ impl Store {
         self.log().has(RecordKind::Object, digest) || objects::path(&self.dir, digest).is_file()
     }
 
+    /// The file of an object, if it has one of its own.
+    pub fn object_file(&self, digest: &Digest) -> Option<PathBuf> {
+        Some(objects::path(&self.dir, digest)).filter(|it| it.is_file())
+    }
+
     /// The bytes of an object, checked against its digest.
     ///
     /// # Errors
     /// If it is missing or damaged. A damaged object is set aside, so that it is made again.
     pub fn object(&self, ty: ArtifactType, digest: &Digest) -> Result<Bytes, ObjectError> {
+        let res = self.read_object(ty, digest);
+        if matches!(res, Err(ObjectError::Damaged { .. })) {
+            self.damaged.lock().expect("nobody panics while holding it").insert(*digest);
+        }
+        res
+    }
+
+    fn read_object(&self, ty: ArtifactType, digest: &Digest) -> Result<Bytes, ObjectError> {
         let mut log = self.log();
         if log.has(RecordKind::Object, digest) {
             let bytes = log.get(RecordKind::Object, digest);
@@ -262,6 +280,17 @@ impl Store {
             damage.push(error.to_string());
         }
         res
+    }
+
+    /// Whether an object was found damaged and set aside, by this process or an earlier one.
+    pub fn was_damaged(&self, digest: &Digest) -> bool {
+        self.damaged.lock().expect("nobody panics while holding it").contains(digest)
+            || objects::path(&self.dir, digest).with_extension("damaged").exists()
+    }
+
+    /// The file of an object that [`Store::object`] has mapped.
+    pub fn object_path(&self, digest: &Digest) -> PathBuf {
+        objects::path(&self.dir, digest)
     }
 
     /// Writes objects and the entries that name them, in this order.
@@ -311,17 +340,17 @@ impl Store {
         self.log().get(note.record(), about)
     }
 
-    /// Claims a key for this process, if nobody else computes it now.
+    /// Claims a key for one run, if nobody else computes it now.
     ///
     /// # Errors
     /// If the file of claims cannot be locked for another reason.
     pub fn claim(&self, key: &Digest) -> Result<Option<Claim>, StoreError> {
         match &self.claims {
             None => Ok(Some(Claim::none())),
-            Some(file) => {
+            Some(claims) => {
                 let path = self.dir.join("claims");
                 self.disk.may_claim(&path).map_err(StoreError::new("lock", &path))?;
-                Claim::take(file, key).map_err(StoreError::new("lock", &path))
+                Claim::take(claims, key).map_err(StoreError::new("lock", &path))
             }
         }
     }
@@ -343,6 +372,8 @@ pub enum Note {
     LastKey,
     /// About a path in the user's folder: what was written there.
     Exported,
+    /// About a question to the machine: the answer, and what it was read from.
+    Facts,
 }
 
 impl Note {
@@ -351,6 +382,7 @@ impl Note {
             Self::FileDigest => RecordKind::FileDigest,
             Self::LastKey => RecordKind::LastKey,
             Self::Exported => RecordKind::Exported,
+            Self::Facts => RecordKind::Facts,
         }
     }
 }

@@ -8,6 +8,7 @@ use super::{
     ply::{PlyExtras, write_ply},
     read::read_character,
     stl::write_stl,
+    table_file::{TABLE_EXTENSIONS, TableFileOptions, read_table},
 };
 use crate::kernels::{
     mesh::{TriMesh, Vec3},
@@ -31,6 +32,8 @@ fn files() -> Vec<(&'static str, Vec<u8>)> {
         ("stl", write_stl(&mesh)),
         ("stl", ascii.to_vec()),
         ("glb", super::glb::small_rig()),
+        ("csv", b"name,\"error [mm]\"\r\n\"a,\"\"b\"\"\",0.5\r\nb,\n".to_vec()),
+        ("toml", b"[[rows]]\nname = \"a\"\nerror = 1_0.5\n[[rows]]\nerror = -2\n".to_vec()),
         (
             "glb",
             write_glb(GlbScene { mesh: &mesh, colours: None, rig: None, max_influences: 4 }).bytes,
@@ -39,6 +42,10 @@ fn files() -> Vec<(&'static str, Vec<u8>)> {
 }
 
 fn read(extension: &str, bytes: &[u8]) -> Result<(), String> {
+    if TABLE_EXTENSIONS.contains(&extension) {
+        let table = read_table(extension, bytes, &TableFileOptions::default());
+        return table.map(drop).map_err(|it| it.to_string());
+    }
     let options = GltfOptions::default();
     let character =
         read_character(extension, bytes, &|_| None, options).map_err(|it| it.to_string())?;
@@ -52,7 +59,8 @@ fn beginnings_of_files_are_errors_or_meshes() {
         assert_eq!(read(extension, &bytes), Ok(()), "{extension}");
         for len in 0..bytes.len() {
             let result = read(extension, &bytes[..len]);
-            let is_text = extension == "obj" || bytes.starts_with(b"solid") || extension == "off";
+            let is_text =
+                ["csv", "obj", "off", "toml"].contains(&extension) || bytes.starts_with(b"solid");
             assert!(is_text || len + 2 > bytes.len() || result.is_err(), "{extension} {len}");
             assert!(result.err().is_none_or(|it| !it.contains('\n')));
         }

@@ -6,15 +6,18 @@
 //! them.
 
 pub mod character;
+pub mod csv;
 pub mod error;
 pub mod glb;
 pub mod gltf;
+pub mod npz;
 pub mod obj;
 pub mod off;
 pub mod ply;
 pub mod png;
 pub mod read;
 pub mod stl;
+pub mod table_file;
 pub mod table_text;
 pub mod uri;
 pub mod zip;

@@ -1,10 +1,11 @@
 //! Skeletons as things to draw: octahedra for bones, balls for joints.
 
+use crate::kernels::canvas::color::mix;
 use crate::kernels::mesh::Vec3;
 use crate::kernels::shapes::icosphere;
 use crate::kernels::skeleton::Skeleton;
 
-use super::colors::{Color, mix};
+use super::colors::Color;
 use super::raster::Soup;
 
 /// What a skeleton stands for.

@@ -1,34 +1,15 @@
-//! Colours and colour maps.
+//! Colours of surfaces and colour maps.
 
+use crate::kernels::canvas::color::{linear_from_srgb, mix};
 use crate::kernels::functional_map::PointMap;
 use crate::kernels::mesh::{TriMesh, Vec3};
 use crate::kernels::weights::SkinWeights;
 
-/// Red, green, blue in linear light, 0 to 1.
-pub type Color = [f32; 3];
+pub use crate::kernels::canvas::color::Color;
 
 /// Surfaces of figures that show no values, one after the other.
 pub const BODIES: [Color; 4] =
     [[0.397, 0.539, 0.708], [0.831, 0.558, 0.381], [0.474, 0.631, 0.434], [0.597, 0.497, 0.723]];
-
-/// A colour from its 8-bit sRGB values.
-pub fn srgb(red: u8, green: u8, blue: u8) -> Color {
-    [red, green, blue].map(|it| linear_from_srgb(f32::from(it) / 255.0))
-}
-
-/// The sRGB transfer function, inverted (IEC 61966-2-1).
-pub fn linear_from_srgb(value: f32) -> f32 {
-    if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
-}
-
-/// The sRGB transfer function (IEC 61966-2-1).
-pub fn srgb_from_linear(value: f32) -> f32 {
-    if value <= 0.003_130_8 { value * 12.92 } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 }
-}
-
-pub fn mix(from: Color, to: Color, t: f32) -> Color {
-    [0, 1, 2].map(|it| from[it] + (to[it] - from[it]) * t)
-}
 
 /// Viridis (van der Walt & Smith 2015) for `t` from 0 to 1: dark violet to yellow, with even steps
 /// for the eye and for colour-blind eyes. A fit of degree 6, off by less than 2 % of a channel.
@@ -166,6 +147,7 @@ fn oklab(lightness: f32, a: f32, b: f32) -> Color {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kernels::canvas::color::{srgb, srgb_from_linear};
 
     fn bytes(color: Color) -> [i32; 3] {
         color.map(|it| (srgb_from_linear(it) * 255.0).round() as i32)

@@ -9,10 +9,10 @@ mod camera;
 pub mod colors;
 mod raster;
 mod shade;
-mod text;
 
 use rayon::prelude::*;
 
+use super::canvas::{Canvas, color::mix, text};
 use super::image::Image;
 use super::mesh::TriMesh;
 use super::skeleton::Skeleton;
@@ -22,7 +22,7 @@ pub use camera::{Scale, View};
 pub use colors::Color;
 
 use camera::{Camera, Extent, Placement, arrange};
-use colors::{BODIES, mix, srgb_from_linear};
+use colors::BODIES;
 use raster::{SeenSoup, Soup, Tiles};
 use shade::{Ground, Layers};
 
@@ -264,33 +264,8 @@ fn write_caption(
     let height = letter_px.min(letter_px * room / text::width(caption, letter_px).max(1.0));
     let floor = (first.top + first.height) as f32 + letter_px * 1.2;
     let baseline = (lowest + letter_px * 4.2).min(floor).round();
-    text::write(canvas, caption, [(left + right) as f32 / 2.0, baseline], height, INK);
-}
-
-/// A picture in the making, in linear light.
-pub(super) struct Canvas {
-    width: usize,
-    height: usize,
-    pixels: Vec<Color>,
-}
-
-impl Canvas {
-    fn white(width: usize, height: usize) -> Self {
-        Self { width, height, pixels: vec![[1.0; 3]; width * height] }
-    }
-
-    fn blend(&mut self, x: usize, y: usize, color: Color, alpha: f32) {
-        let pixel = &mut self.pixels[y * self.width + x];
-        *pixel = mix(*pixel, color, alpha);
-    }
-
-    fn into_image(self) -> Image {
-        let byte = |it: f32| (srgb_from_linear(it.clamp(0.0, 1.0)) * 255.0).round() as u8;
-        let white = [1.0; 3];
-        let bytes = |it: &Color| if *it == white { [255; 3] } else { it.map(byte) };
-        let pixels = self.pixels.par_iter().map(bytes).collect();
-        Image { width: self.width, height: self.height, pixels }
-    }
+    let middle = (left + right) as f32 / 2.0;
+    text::write_centered(canvas, caption, [middle, baseline], height, INK);
 }
 
 #[cfg(test)]

@@ -2,11 +2,11 @@
 
 use rayon::prelude::*;
 
+use crate::kernels::canvas::{Canvas, color::mix};
 use crate::kernels::mesh::TriMesh;
 
-use super::Canvas;
 use super::camera::{Camera, Cell, Placement, View};
-use super::colors::{Color, mix};
+use super::colors::Color;
 use super::raster::{Hit, SAMPLES, SeenSoup, Tiles};
 
 /// What a tile needs to know of its panel.
@@ -150,8 +150,7 @@ impl Layers {
     /// Ground, body, bones, one over the other.
     pub fn compose(&self, canvas: &mut Canvas, cell: Cell, ground: Option<&Ground>) {
         let columns = cell.left..cell.left + self.width;
-        let rows =
-            canvas.pixels.par_chunks_exact_mut(canvas.width).skip(cell.top).take(self.height);
+        let rows = canvas.rows_mut().skip(cell.top).take(self.height);
         rows.enumerate().for_each(|(y, row)| {
             for (x, color) in row[columns.clone()].iter_mut().enumerate() {
                 *color = self.compose_pixel(*color, x, y, ground);

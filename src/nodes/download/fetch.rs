@@ -122,7 +122,7 @@ mod tests {
     }
 
     fn fetcher(offline: bool) -> Fetcher {
-        let surroundings = Surroundings { mirrors: Vec::new(), offline };
+        let surroundings = Surroundings { mirrors: Vec::new(), offline, isolated: false };
         Fetcher { first_pause: Duration::from_millis(1), ..Fetcher::new(&surroundings) }
     }
 

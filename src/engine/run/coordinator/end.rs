@@ -140,10 +140,7 @@ impl<'a> Coordinator<'a> {
         let mut notes = Vec::new();
         for index in self.context.graph.instances.node_indices() {
             let Some((key, _)) = &self.slots[index].key else { continue };
-            let done = matches!(
-                self.slots[index].outcome,
-                Some(Outcome::Cached | Outcome::CutOff | Outcome::Shared | Outcome::Ran { .. })
-            );
+            let done = self.slots[index].outcome.as_ref().is_some_and(Outcome::is_done);
             let id = self.context.graph.instances[index].id();
             if done && self.memory.last_key(&id) != Some(*key) {
                 notes.push((Note::LastKey, self.memory.subject(&id), key.0.to_vec()));

@@ -5,7 +5,9 @@ mod outputs;
 mod prepare;
 mod receive;
 mod resolve;
+mod retry;
 mod start;
+mod stop;
 
 use std::{
     collections::{HashMap, VecDeque},
@@ -23,10 +25,12 @@ use super::{
     message::Message,
     ready::ReadyQueue,
     slots::Slots,
+    timers::Timers,
     worker::{Context, Job},
     writer::{self, Write},
 };
 use crate::engine::{
+    cancel::Canceller,
     digest::Digest,
     events::{Event, ExportOutcome, Observer, Outcome, RunReport},
     graph::Graph,
@@ -35,7 +39,8 @@ use crate::engine::{
     store::{Store, StoreError},
 };
 
-/// How often a key that another process computes is looked up again.
+/// How often a key that another process computes is claimed again. A blocking lock would tell of its
+/// end at once, but needs a thread for every key, which nothing but a signal can call back.
 const CLAIM_POLL: Duration = Duration::from_millis(20);
 
 pub struct Coordinator<'a> {
@@ -68,6 +73,14 @@ pub struct Coordinator<'a> {
     planned: bool,
     /// Nothing more is started.
     stopping: bool,
+    /// Somebody asked to stop.
+    stop_asked: bool,
+    /// Who may still ask.
+    stop: Receiver<()>,
+    canceller: Canceller,
+    timers: Timers,
+    /// Instances that wait for their next try.
+    n_backoff: usize,
     store_error: Option<StoreError>,
     queues: Option<Queues>,
 }
@@ -115,6 +128,11 @@ impl<'a> Coordinator<'a> {
             pools: HashMap::new(),
             planned: false,
             stopping: false,
+            stop_asked: false,
+            stop: options.stop.clone(),
+            canceller: Canceller::new(),
+            timers: Timers::default(),
+            n_backoff: 0,
             store_error: None,
             queues: None,
         }
@@ -131,6 +149,7 @@ impl<'a> Coordinator<'a> {
                     break;
                 }
             }
+            self.end_retries();
             self.finish();
         });
         self.remember();
@@ -149,6 +168,7 @@ impl<'a> Coordinator<'a> {
                 .map(|it| it.unwrap_or(ExportOutcome::Skipped))
                 .collect(),
             wall: start.elapsed(),
+            stopped: self.stop_asked,
             store_error: self.store_error,
         }
     }

@@ -62,7 +62,7 @@ impl<'a> Coordinator<'a> {
                 self.slots[from.instance].was_lost = true;
                 self.plan_export(rule);
             }
-            JobResult::Ran { .. } | JobResult::Failed { .. } => {
+            JobResult::Ran { .. } | JobResult::Failed { .. } | JobResult::Stopped => {
                 unreachable!("an export's job runs no node")
             }
         }

@@ -96,7 +96,11 @@ impl<'a> Coordinator<'a> {
     /// A known result whose value was lost is made again.
     pub(super) fn revive(&mut self, from: PortRef) {
         if self.slots[from.instance].work == Work::Idle {
-            self.slots[from.instance].reason = Reason::Evicted { port: from.port };
+            let outputs = self.slots[from.instance].outputs.as_ref();
+            let info = outputs.and_then(|it| it.artifacts.get(from.port));
+            let digest = info.expect("what was lost was known").digest;
+            let reason = Reason::of_loss(from.port, &digest, &self.memory);
+            self.slots[from.instance].reason = reason;
             self.start_work(from.instance);
         }
     }

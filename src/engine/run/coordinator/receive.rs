@@ -1,13 +1,13 @@
 //! Takes in what workers and the writer report.
 
 use std::collections::BTreeMap;
-use std::thread;
 use std::time::Duration;
 
-use crossbeam_channel::RecvTimeoutError;
+use crossbeam_channel::at;
+use crossbeam_channel::never;
+use crossbeam_channel::select;
 use petgraph::graph::NodeIndex;
 
-use super::CLAIM_POLL;
 use super::Coordinator;
 use crate::engine::artifact::AnyArtifact;
 use crate::engine::digest::Digest;
@@ -18,6 +18,7 @@ use crate::engine::plan::OutputInfo;
 use crate::engine::plan::Outputs;
 use crate::engine::run::message::Message;
 use crate::engine::run::slots::Work;
+use crate::engine::run::timers::Timer;
 use crate::engine::run::worker::JobResult;
 use crate::engine::run::worker::Loaded;
 use crate::engine::run::writer::Write;
@@ -37,31 +38,34 @@ impl<'a> Coordinator<'a> {
         let waits_for_writer =
             self.pending_bytes > 0 && self.ready.peek().is_some() && !self.stopping;
         let busy = self.queues.as_ref().is_some_and(|it| it.n_jobs > 0) || waits_for_writer;
-        if !busy && self.claimed.is_empty() {
+        let waits = !self.claimed.is_empty() || self.n_backoff > 0;
+        if !busy && (self.stopping || !waits) {
             return false;
         }
-        if self.stopping && !busy {
-            return false;
-        }
-        let message = match &self.queues {
-            Some(queues) if self.claimed.is_empty() => {
-                Some(queues.message_queue.recv().expect("the run holds a sender"))
+        let messages = self.queues.as_ref().map_or_else(never, |it| it.message_queue.clone());
+        let timer = self.timers.next().map_or_else(never, at);
+        select! {
+            recv(messages) -> message => {
+                self.receive(message.expect("the run holds a sender"));
             }
-            Some(queues) => match queues.message_queue.recv_timeout(CLAIM_POLL) {
-                Ok(message) => Some(message),
-                Err(RecvTimeoutError::Timeout) => None,
-                Err(RecvTimeoutError::Disconnected) => unreachable!("the run holds a sender"),
+            recv(self.stop) -> asked => match asked {
+                Ok(()) => self.asked_to_stop(),
+                // Nobody can ask any more.
+                Err(_) => self.stop = never(),
             },
-            None => {
-                thread::sleep(CLAIM_POLL);
-                None
-            }
-        };
-        match message {
-            Some(message) => self.receive(message),
-            None => self.poll_claims(),
+            recv(timer) -> _ => self.run_timers(),
         }
         true
+    }
+
+    fn run_timers(&mut self) {
+        while let Some(timer) = self.timers.pop_due() {
+            match timer {
+                Timer::Retry(index) => self.try_again(index),
+                Timer::PollClaims => self.poll_claims(),
+                Timer::EndGrace => self.canceller.cancel(),
+            }
+        }
     }
 
     /// Puts instances that other processes compute back into the queue, to be claimed again.
@@ -127,15 +131,8 @@ impl<'a> Coordinator<'a> {
         self.slots[index].work = Work::Idle;
         match result {
             JobResult::Ran { outputs, wall } => self.ran(index, outputs, wall),
-            JobResult::Failed { failure, wall } => {
-                let key = self.key_digest(index);
-                self.in_flight.remove(&key);
-                self.slots[index].claim = None;
-                for follower in std::mem::take(&mut self.slots[index].followers) {
-                    self.fail(follower, failure.clone(), wall);
-                }
-                self.fail(index, failure, wall);
-            }
+            JobResult::Failed { failure, wall } => self.try_failed(index, failure, wall),
+            JobResult::Stopped => self.killed(index),
             JobResult::Lost { from, error } => {
                 tracing::info!(%error, "an input is made again");
                 self.tell_damage();
@@ -160,8 +157,12 @@ impl<'a> Coordinator<'a> {
         }
         let key = self.key_digest(index);
         self.in_flight.remove(&key);
+        self.observer.made(index, &live);
         self.store_result(index, &outputs, &live, objects, wall, &notes);
         let followers = std::mem::take(&mut self.slots[index].followers);
+        for &follower in &followers {
+            self.observer.made(follower, &live);
+        }
         for &instance in followers.iter().chain([&index]) {
             self.keep_live(instance, &outputs, &live);
         }

@@ -48,7 +48,7 @@ impl<'a> Coordinator<'a> {
                 self.slots[index].reason = if forced {
                     Reason::Forced
                 } else {
-                    Reason::of_miss(&key, &instance.id(), &self.memory)
+                    Reason::of_miss(&key, &digest, &instance.id(), &self.memory)
                 };
                 self.slots[index].key = Some((digest, key));
                 self.start_work(index);
@@ -65,7 +65,7 @@ impl<'a> Coordinator<'a> {
         let message = error.message(self.context.graph);
         let failure = match error {
             KeyError::Absent { .. } => Failure::Node(message),
-            KeyError::File { .. } => Failure::Environment(message),
+            KeyError::File { .. } | KeyError::Fact(_) => Failure::Environment(message),
         };
         self.fail(index, failure, Duration::ZERO);
     }

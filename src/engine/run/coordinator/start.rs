@@ -7,6 +7,7 @@ use std::time::Instant;
 use petgraph::graph::NodeIndex;
 use rayon::ThreadPool;
 
+use super::CLAIM_POLL;
 use super::Coordinator;
 use super::Queues;
 use crate::engine::digest::Digest;
@@ -14,10 +15,13 @@ use crate::engine::events::Event;
 use crate::engine::events::Outcome;
 use crate::engine::graph::PortRef;
 use crate::engine::plan::Reason;
+use crate::engine::run::guard;
 use crate::engine::run::slots::Work;
+use crate::engine::run::timers::Timer;
 use crate::engine::run::worker;
 use crate::engine::run::worker::Context;
 use crate::engine::run::worker::Job;
+use crate::engine::run::worker::RunJob;
 use crate::engine::run::worker::Value;
 use crate::engine::store::Claim;
 
@@ -80,10 +84,12 @@ impl<'a> Coordinator<'a> {
                 return None;
             }
             self.ready.pop();
-            if let Some(claim) = self.claim(index) {
+            // A further try still has its claim.
+            if self.slots[index].claim.is_none() {
+                let Some(claim) = self.claim(index) else { continue };
                 self.slots[index].claim = Some(claim);
-                return Some(self.run_job(index));
             }
+            return Some(self.run_job(index));
         }
         None
     }
@@ -124,12 +130,22 @@ impl<'a> Coordinator<'a> {
             }
         };
         let Some(claim) = claim else {
-            self.slots[index].work = Work::Claimed;
-            self.claimed.push(index);
-            self.emit(&Event::Waiting { instance: index });
+            self.wait_for_claim(index);
             return None;
         };
         if self.made_by_others(index, &key) { None } else { Some(claim) }
+    }
+
+    /// Another process computes an instance's key.
+    fn wait_for_claim(&mut self, index: NodeIndex) {
+        if self.claimed.is_empty() {
+            self.timers.start(CLAIM_POLL, Timer::PollClaims);
+        }
+        self.claimed.push(index);
+        self.slots[index].work = Work::Claimed;
+        if !std::mem::replace(&mut self.slots[index].told_claimed, true) {
+            self.emit(&Event::Waiting { instance: index });
+        }
     }
 
     /// Takes over a result that another process has stored meanwhile.
@@ -138,8 +154,10 @@ impl<'a> Coordinator<'a> {
             tracing::warn!(%error, "cannot see what other processes store");
             return false;
         }
-        let wanted_again =
-            matches!(self.slots[index].reason, Reason::Evicted { .. } | Reason::Forced);
+        let wanted_again = matches!(
+            self.slots[index].reason,
+            Reason::Evicted { .. } | Reason::Damaged { .. } | Reason::Forced
+        );
         let Some(outputs) = self.stored_outputs(index, key).filter(|_| !wanted_again) else {
             return false;
         };
@@ -168,7 +186,9 @@ impl<'a> Coordinator<'a> {
             .collect();
         let others = self.ready.len() + self.ready_exports.len();
         let threads = (self.free_threads / (1 + others)).max(1);
-        let pool = (threads > 1).then(|| self.take_pool(threads));
+        let needs_pool = threads > 1 && !instance.needs_process();
+        let pool = needs_pool.then(|| self.take_pool(threads));
+        let cancel = self.canceller.token();
         self.free_threads -= threads;
         self.running += 1;
         let needed = self.bytes_needed(index);
@@ -180,7 +200,7 @@ impl<'a> Coordinator<'a> {
         slot.started = Some(Instant::now());
         let reason = slot.reason.clone();
         self.emit(&Event::Started { instance: index, threads, reason: &reason });
-        Job::Run { instance: index, inputs, pool }
+        Job::Run(RunJob { instance: index, inputs, threads, pool, cancel })
     }
 
     pub(super) fn take_pool(&mut self, threads: usize) -> Arc<ThreadPool> {
@@ -188,7 +208,7 @@ impl<'a> Coordinator<'a> {
         match free.iter().position(|it| Arc::strong_count(it) == 1) {
             Some(index) => Arc::clone(&free[index]),
             None => {
-                let pool = Arc::new(worker::pool(threads));
+                let pool = Arc::new(guard::pool(threads));
                 free.push(Arc::clone(&pool));
                 pool
             }

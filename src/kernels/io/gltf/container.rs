@@ -1,9 +1,9 @@
 //! From bytes to a validated document and its buffers.
 
 use gltf::{
-    Document, Gltf, Semantic,
+    Document,
     buffer::Source,
-    json::{mesh::Primitive, validation::Checked},
+    json::{Root, deserialize, mesh::Semantic, validation::Checked},
 };
 
 use super::FORMAT;
@@ -73,28 +73,31 @@ fn parse(json: &[u8]) -> Result<Document, ReadError> {
     if json.starts_with(b"glTF") {
         return Err(ReadError::content(FORMAT, "a binary file inside of a binary file"));
     }
-    let fail = |e: gltf::Error| ReadError::content(FORMAT, e.to_string());
-    let Gltf { document, .. } = Gltf::from_slice_without_validation(json).map_err(fail)?;
-    check_positions(&document)?;
-    let document = Document::from_json(document.into_json()).map_err(fail)?;
+    let root: Root =
+        deserialize::from_slice(json).map_err(|e| ReadError::content(FORMAT, e.to_string()))?;
+    check_positions(&root)?;
+    let document =
+        Document::from_json(root).map_err(|e| ReadError::content(FORMAT, e.to_string()))?;
     check_animations(&document)?;
     Ok(document)
 }
 
-/// What the validation of the `gltf` crate (1.4) itself panics on.
-fn check_positions(document: &Document) -> Result<(), ReadError> {
-    let root = document.as_json();
-    let is_beyond = |it: &Primitive| {
-        let positions = it.attributes.get(&Checked::Valid(Semantic::Positions));
-        positions.is_some_and(|it| it.value() >= root.accessors.len())
-    };
-    match root.meshes.iter().position(|it| it.primitives.iter().any(is_beyond)) {
-        Some(index) => {
-            let what = format!("mesh {index} has positions in an accessor that is not there");
-            Err(ReadError::content(FORMAT, what))
+/// What the validation of the `gltf` crate (1.4) itself panics on: positions that lead nowhere.
+fn check_positions(root: &Root) -> Result<(), ReadError> {
+    for (index, mesh) in root.meshes.iter().enumerate() {
+        let positions = |it: &gltf::json::mesh::Primitive| {
+            it.attributes.get(&Checked::Valid(Semantic::Positions)).map(|it| it.value())
+        };
+        let n_accessors = root.accessors.len();
+        let wrong = mesh.primitives.iter().filter_map(positions).find(|&it| it >= n_accessors);
+        if let Some(accessor) = wrong {
+            let what = format!(
+                "mesh {index} has its positions in accessor {accessor}, but there are {n_accessors}"
+            );
+            return Err(ReadError::content(FORMAT, what));
         }
-        None => Ok(()),
     }
+    Ok(())
 }
 
 /// What the validation of the `gltf` crate (1.4) leaves out, and its accessors then panic on.

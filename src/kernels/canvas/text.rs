@@ -1,7 +1,6 @@
-//! Captions in a small stroke font of our own: round pens along polylines, smooth at any size.
+//! Texts in a small stroke font of our own: round pens along polylines, smooth at any size.
 
-use super::Canvas;
-use super::colors::Color;
+use super::{Canvas, color::Color, stroke};
 
 /// Strokes by character, apart by blanks. A stroke is a chain of points `xy` on a grid: the baseline
 /// is y = 2, capitals end at 8, small letters at 6, descenders at 0. `~` rounds a stroke's corners.
@@ -105,6 +104,52 @@ const GLYPHS: &[(char, &str)] = &[
     ('~', "~05163445"),
     ('$', "~473818070615354443321203 2129"),
     ('`', "0817"),
+    ('−', "0545"),
+    ('±', "0646 2428 0242"),
+    ('≤', "380634 0232"),
+    ('≥', "083604 0232"),
+    ('≈', "~06173546 ~03143243"),
+    ('°', "~0818170708"),
+    ('•', "1515"),
+    ('…', "0202 2222 4242"),
+    ('ß', "~0207182837362515 ~15353322"),
+    ('Δ', "02284202"),
+    ('Σ', "480824 240242"),
+    ('Φ', "~174746444313030517 2802"),
+    ('Ω', "0212 ~1203071828373322 2232"),
+    ('α', "~4622120305162642"),
+    ('β', "0007 ~071828372615 ~152534332202"),
+    ('γ', "062220 4622"),
+    ('δ', "~37281716253433221203041535"),
+    ('ε', "~3526160514 1424 ~1403122233"),
+    ('θ', "~182837332212030718 0535"),
+    ('κ', "0602 3604 0432"),
+    ('λ', "081842 2502"),
+    ('μ', "~0603122233 3632 0600"),
+    ('π', "0646 1612 3632"),
+    ('ρ', "0500 ~0516263533221203"),
+    ('σ', "~162635332212030516 1646"),
+    ('τ', "0636 1612"),
+    ('φ', "~163645433212030516 2800"),
+    ('ω', "~0603122224 ~2422324346"),
+];
+
+/// Characters that are written as another one.
+const SAME: &[(char, char)] =
+    &[('µ', 'μ'), ('’', '\''), ('‘', '\''), ('“', '"'), ('”', '"'), ('‐', '-'), ('‑', '-')];
+
+/// Small digits above the line, and what they are made from.
+const RAISED: (&str, &str) = ("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+");
+
+/// Letters with a mark above, the letters alone, and the mark above a small letter.
+const MARKED: &[(&str, &str, &str)] = &[
+    ("àèìòùÀÈÌÒÙ", "aeiouAEIOU", "0817"),
+    ("áéíóúýÁÉÍÓÚÝ", "aeiouyAEIOUY", "1827"),
+    ("âêîôûÂÊÎÔÛ", "aeiouAEIOU", "071827"),
+    ("äëïöüÄËÏÖÜ", "aeiouAEIOU", "0808 2828"),
+    ("ñãõÑÃÕ", "naoNAO", "~07182738"),
+    ("åÅ", "aA", "~1828271718"),
+    ("čšžřěČŠŽŘĚ", "cszreCSZRE", "081728"),
 ];
 
 /// The strokes for what is not in the list.
@@ -123,16 +168,45 @@ pub fn width(text: &str, height: f32) -> f32 {
     (advance - GAP).max(0.0) * height / CAPITAL
 }
 
+/// How a line of text is written.
+#[derive(Debug, Clone, Copy)]
+pub struct Lettering {
+    /// Of capitals, in pixels.
+    pub height: f32,
+    /// Which part of the line is at its place: 0 is the start, 1 the end.
+    pub anchor: f32,
+    /// Against the clock.
+    pub angle_rad: f32,
+    /// The radius of the pen as a part of the height.
+    pub pen: f32,
+}
+
 /// Writes a line of text, centred at `x`, with its baseline at `y`.
-pub fn write(canvas: &mut Canvas, text: &str, [x, y]: [f32; 2], height: f32, color: Color) {
-    let unit = height / CAPITAL;
-    let pen = (0.085 * height).max(0.6);
-    let left = x - width(text, height) / 2.0;
+pub fn write_centered(canvas: &mut Canvas, text: &str, at: [f32; 2], height: f32, color: Color) {
+    let lettering = Lettering { height, anchor: 0.5, angle_rad: 0.0, pen: 0.085 };
+    write(canvas, text, at, lettering, color);
+}
+
+/// Writes a line of text; its place is a point of the baseline.
+pub fn write(
+    canvas: &mut Canvas,
+    text: &str,
+    [x, y]: [f32; 2],
+    lettering: Lettering,
+    color: Color,
+) {
+    let unit = lettering.height / CAPITAL;
+    let pen = (lettering.pen * lettering.height).max(0.6);
+    let left = -width(text, lettering.height) * lettering.anchor;
+    let (sin, cos) = lettering.angle_rad.sin_cos();
     let (strokes, _) = strokes(text);
-    for stroke in strokes {
-        let points: Stroke =
-            stroke.iter().map(|it| [left + it[0] * unit, y - (it[1] - 2.0) * unit]).collect();
-        draw(canvas, &points, pen, color);
+    for chain in strokes {
+        let place = |it: &[f32; 2]| {
+            let (along, up) = (left + it[0] * unit, (it[1] - 2.0) * unit);
+            [x + along * cos - up * sin, y - along * sin - up * cos]
+        };
+        let points: Stroke = chain.iter().map(place).collect();
+        stroke(canvas, &points, pen, color, 1.0);
     }
 }
 
@@ -145,16 +219,45 @@ fn strokes(text: &str) -> (Vec<Stroke>, f32) {
             cursor += BLANK_ADVANCE;
             continue;
         }
-        let glyph = GLYPHS.iter().find(|it| it.0 == character).map_or(UNKNOWN, |it| it.1);
-        let mut right = 0.0f32;
-        for stroke in glyph.split(' ') {
-            let points = parse(stroke);
-            right = points.iter().fold(right, |res, it| res.max(it[0]));
-            strokes.push(points.iter().map(|it| [it[0] + cursor, it[1]]).collect());
+        let glyph = glyph(character);
+        let right = glyph.iter().flatten().fold(0.0f32, |res, it| res.max(it[0]));
+        for stroke in glyph {
+            strokes.push(stroke.iter().map(|it| [it[0] + cursor, it[1]]).collect());
         }
         cursor += right + GAP;
     }
     (strokes, cursor)
+}
+
+/// The strokes of one character.
+fn glyph(character: char) -> Vec<Stroke> {
+    let character = SAME.iter().find(|it| it.0 == character).map_or(character, |it| it.1);
+    if let Some(base) = counterpart(character, RAISED.0, RAISED.1) {
+        let raised = |it: &[f32; 2]| [0.6 * it[0], 8.4 - 0.6 * (8.0 - it[1])];
+        return glyph(base).iter().map(|it| it.iter().map(raised).collect()).collect();
+    }
+    for (letters, bases, mark) in MARKED {
+        if let Some(base) = counterpart(character, letters, bases) {
+            // An i has a mark instead of its dot.
+            let base_strokes = if base == 'i' { parsed("0206") } else { glyph(base) };
+            let right = base_strokes.iter().flatten().fold(0.0f32, |res, it| res.max(it[0]));
+            let (lift, shift) = (if base.is_uppercase() { 1.8 } else { 0.0 }, right / 2.0 - 1.0);
+            let placed = |it: &[f32; 2]| [(it[0] + shift).max(0.0), it[1] + lift];
+            let mark = parsed(mark).into_iter().map(|it| it.iter().map(placed).collect());
+            return base_strokes.into_iter().chain(mark).collect();
+        }
+    }
+    parsed(GLYPHS.iter().find(|it| it.0 == character).map_or(UNKNOWN, |it| it.1))
+}
+
+/// The character of `bases` at the place where another has this one.
+fn counterpart(character: char, all: &str, bases: &str) -> Option<char> {
+    let place = all.chars().position(|it| it == character)?;
+    bases.chars().nth(place)
+}
+
+fn parsed(strokes: &str) -> Vec<Stroke> {
+    strokes.split(' ').map(parse).collect()
 }
 
 fn parse(stroke: &str) -> Stroke {
@@ -181,37 +284,6 @@ fn rounded(points: Stroke) -> Stroke {
     cut
 }
 
-/// Draws a chain of segments with a round pen; every pixel by its distance from the whole chain, so
-/// that joints are no darker.
-fn draw(canvas: &mut Canvas, points: &[[f32; 2]], pen: f32, color: Color) {
-    let reach = pen + 1.0;
-    let bound = |axis: usize, limit: usize| {
-        let low = points.iter().fold(f32::INFINITY, |res, it| res.min(it[axis])) - reach;
-        let high = points.iter().fold(f32::NEG_INFINITY, |res, it| res.max(it[axis])) + reach;
-        (low.max(0.0) as usize)..(high.max(0.0).ceil() as usize).min(limit)
-    };
-    for y in bound(1, canvas.height) {
-        for x in bound(0, canvas.width) {
-            let pixel = [x as f32 + 0.5, y as f32 + 0.5];
-            let distance = points
-                .windows(2)
-                .map(|it| distance_to_segment(pixel, it[0], it[1]))
-                .fold(f32::INFINITY, f32::min);
-            canvas.blend(x, y, color, (pen + 0.5 - distance).clamp(0.0, 1.0));
-        }
-    }
-}
-
-fn distance_to_segment(point: [f32; 2], from: [f32; 2], to: [f32; 2]) -> f32 {
-    let along = [to[0] - from[0], to[1] - from[1]];
-    let length2 = along[0] * along[0] + along[1] * along[1];
-    let offset = [point[0] - from[0], point[1] - from[1]];
-    let t =
-        if length2 > 0.0 { (offset[0] * along[0] + offset[1] * along[1]) / length2 } else { 0.0 };
-    let t = t.clamp(0.0, 1.0);
-    (offset[0] - t * along[0]).hypot(offset[1] - t * along[1])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -226,6 +298,27 @@ mod tests {
                 let points = parse(stroke);
                 assert!(points.len() >= 2, "`{character}`: {stroke}");
                 assert!(points.iter().all(|it| it[0] <= 6.0 && it[1] <= 9.0), "`{character}`");
+            }
+        }
+    }
+
+    #[test]
+    fn marked_and_raised_characters_are_made_from_others() {
+        for (letters, bases, _) in MARKED {
+            assert_eq!(letters.chars().count(), bases.chars().count(), "{letters}");
+        }
+        assert_eq!(RAISED.0.chars().count(), RAISED.1.chars().count());
+        assert_eq!(glyph('ö').len(), glyph('o').len() + 2);
+        assert!(width("10³", 12.0) < width("103", 12.0));
+        assert!(glyph('³').iter().flatten().all(|it| it[1] > 4.0), "it stands above the middle");
+    }
+
+    #[test]
+    fn every_glyph_is_on_the_grid() {
+        for (character, strokes) in GLYPHS {
+            for stroke in strokes.split(' ') {
+                assert_eq!(stroke.trim_start_matches('~').len() % 2, 0, "`{character}`: {stroke}");
+                assert!(parse(stroke).len() >= 2, "`{character}`: {stroke}");
             }
         }
     }

@@ -1,0 +1,112 @@
+//! Artifacts on their way to an interpreter and back: files that the other side maps.
+//!
+//! What is stored is handed over as it lies in the store; all else goes through memory that has no name
+//! in any folder (`memfd`), so nothing is left behind whatever happens.
+
+use std::{
+    ffi::CStr,
+    fs::File,
+    io::{self, Write},
+    os::fd::{AsRawFd, FromRawFd},
+};
+
+use memmap2::Mmap;
+use serde_json::{Map, Value as Json, json};
+
+use crate::artifacts;
+use crate::engine::artifact::AnyArtifact;
+use crate::engine::node::{NodeError, NodeIo, Port};
+
+/// The inputs of a call. The files stay open as long as it lives.
+pub struct Given {
+    ports: Vec<(&'static str, bool, Vec<(&'static str, File)>)>,
+}
+
+impl Given {
+    pub fn new(io: &NodeIo<'_>) -> Result<Self, NodeError> {
+        let mut ports = Vec::new();
+        for (port, list) in io.inputs() {
+            let files = list.iter().map(|it| Ok((it.ty().name, file_of(io, it)?)));
+            let files = files.collect::<io::Result<_>>().map_err(no_memory)?;
+            ports.push((port, io.is_list(port), files));
+        }
+        Ok(Self { ports })
+    }
+
+    pub fn request(&self) -> Json {
+        let entry = |(ty, file): &(&str, File)| json!({ "type": ty, "path": path(file) });
+        let port = |(name, is_list, files): &(&'static str, bool, Vec<(&'static str, File)>)| {
+            let mut entries: Vec<Json> = files.iter().map(entry).collect();
+            let value = if *is_list { Json::Array(entries) } else { entries.remove(0) };
+            ((*name).to_owned(), value)
+        };
+        Json::Object(self.ports.iter().map(port).collect::<Map<String, Json>>())
+    }
+}
+
+/// An artifact as a file.
+fn file_of(io: &NodeIo<'_>, artifact: &AnyArtifact) -> io::Result<File> {
+    if let Some(Ok(file)) = io.stored_file(artifact).map(File::open) {
+        return Ok(file);
+    }
+    let mut file = memory(c"sinew input")?;
+    file.write_all(&artifact.to_bytes())?;
+    Ok(file)
+}
+
+/// Where the outputs of a call come.
+pub struct Taken {
+    ports: Vec<(&'static Port, File)>,
+}
+
+impl Taken {
+    pub fn new(ports: impl Iterator<Item = &'static Port>) -> Result<Self, NodeError> {
+        let ports = ports.map(|it| Ok((it, memory(c"sinew output")?)));
+        Ok(Self { ports: ports.collect::<io::Result<_>>().map_err(no_memory)? })
+    }
+
+    pub fn request(&self) -> Json {
+        let port = |(port, file): &(&'static Port, File)| {
+            (port.name.to_owned(), json!({ "type": port.ty.name, "path": path(file) }))
+        };
+        Json::Object(self.ports.iter().map(port).collect::<Map<String, Json>>())
+    }
+
+    /// What was written, checked.
+    ///
+    /// # Errors
+    /// If it is no artifact of the port's type.
+    pub fn read(self) -> Result<Vec<(&'static str, (AnyArtifact, Vec<u8>))>, NodeError> {
+        let read = |(port, file): (&Port, File)| {
+            // SAFETY: the call is over, and nobody else knows this memory.
+            let bytes = unsafe { Mmap::map(&file) }.map_err(no_memory)?;
+            let kind = artifacts::kind(port.ty.name).expect("checked types are registered");
+            let artifact = kind.import("safetensors", &bytes).map_err(|message| {
+                let (port, ty) = (port.name, port.ty.name);
+                NodeError::failed(format!("output `{port}` is no `{ty}`: {message}"))
+            })?;
+            Ok((port.name, artifact))
+        };
+        self.ports.into_iter().map(read).collect()
+    }
+}
+
+/// Memory that can be opened as a file.
+fn memory(name: &CStr) -> io::Result<File> {
+    // SAFETY: the name ends with a zero; the descriptor is ours alone.
+    unsafe {
+        match libc::memfd_create(name.as_ptr(), libc::MFD_CLOEXEC) {
+            -1 => Err(io::Error::last_os_error()),
+            fd => Ok(File::from_raw_fd(fd)),
+        }
+    }
+}
+
+/// A path by which another process opens a file of ours.
+fn path(file: &File) -> String {
+    format!("/proc/{}/fd/{}", std::process::id(), file.as_raw_fd())
+}
+
+fn no_memory(error: io::Error) -> NodeError {
+    NodeError::environment(format!("cannot hand artifacts over to Python: {error}"))
+}

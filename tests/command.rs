@@ -1,0 +1,354 @@
+//! Programs as nodes: what they get, what they may leave, how they end.
+
+use std::{
+    fs,
+    os::unix::fs::PermissionsExt,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+    time::{Duration, Instant},
+};
+
+use tempfile::TempDir;
+
+/// A folder with a pipeline in it.
+struct Work {
+    folder: TempDir,
+}
+
+/// A small mesh to hand to programs.
+const BODY: &str = "[nodes.body]\nkind = \"load\"\npath = \"tetrahedron.off\"\n";
+
+impl Work {
+    fn new(pipeline: &str) -> Self {
+        let res = Self { folder: tempfile::tempdir().unwrap() };
+        let tetrahedron =
+            "OFF\n4 4 6\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
+        res.write("tetrahedron.off", tetrahedron);
+        res.write("pipeline.toml", pipeline);
+        res
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        fs::write(self.path(name), text).unwrap();
+    }
+
+    fn read(&self, name: &str) -> String {
+        fs::read_to_string(self.path(name)).unwrap()
+    }
+
+    fn sinew(&self, arguments: &[&str]) -> Output {
+        Command::new(env!("CARGO_BIN_EXE_sinew"))
+            .args(arguments)
+            .current_dir(self.folder.path())
+            .env("SINEW_CACHE", "cache")
+            .env("SECRET", "of the user")
+            .output()
+            .unwrap()
+    }
+
+    /// Runs the pipeline; everything that is printed.
+    fn run(&self) -> (Option<i32>, String) {
+        let output = self.sinew(&["run", "pipeline.toml"]);
+        let text = [output.stdout, output.stderr].concat();
+        (output.status.code(), String::from_utf8(text).unwrap())
+    }
+
+    #[track_caller]
+    fn succeed(&self) -> String {
+        let (code, text) = self.run();
+        assert_eq!(code, Some(0), "{text}");
+        text
+    }
+
+    #[track_caller]
+    fn fail(&self, code: i32, message: &str) -> String {
+        let (found, text) = self.run();
+        assert!(text.contains(message), "`{message}` is not in:\n{text}");
+        assert_eq!(found, Some(code), "{text}");
+        text
+    }
+}
+
+/// A node that runs a line of shell, with one text output at `out/res.txt`.
+fn shell(line: &str) -> String {
+    format!(
+        "[nodes.tool]\nkind = \"command\"\nshell = true\ncommand = '''{line}'''\n\
+         outputs = {{ res = \"text\" }}\n\n[outputs]\n\"res.txt\" = \"@tool\"\n\
+         \"stdout.txt\" = \"@tool.stdout\"\n\"stderr.txt\" = \"@tool.stderr\"\n"
+    )
+}
+
+#[track_caller]
+fn check_fails(pipeline: &str, message: &str) {
+    let work = Work::new(pipeline);
+    let output = work.sinew(&["check", "pipeline.toml"]);
+    let text = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+    assert!(text.contains(message), "`{message}` is not in:\n{text}");
+    assert_eq!(output.status.code(), Some(2), "{text}");
+}
+
+#[test]
+fn artifacts_go_in_and_come_out_in_any_format() {
+    let formats = ["ply", "obj", "off", "safetensors", "glb"];
+    for format in formats {
+        let work = Work::new(&format!(
+            "{BODY}\n[nodes.copy]\nkind = \"command\"\ninputs = {{ mesh = \"@body.mesh\" }}\n\
+             outputs = {{ copy = \"mesh\" }}\n\
+             command = [\"cp\", \"{{in:mesh.{format}}}\", \"{{out:copy.{format}}}\"]\n\n\
+             [outputs]\n\"before.obj\" = \"@body.mesh\"\n\"after.obj\" = \"@copy\"\n"
+        ));
+        work.succeed();
+        assert_eq!(work.read("before.obj"), work.read("after.obj"), "{format}");
+        let again = work.succeed();
+        assert!(!again.contains("copy"), "{again}");
+    }
+}
+
+#[test]
+fn a_list_of_inputs_is_an_argument_each() {
+    let work = Work::new(&format!(
+        "{BODY}\n[nodes.all]\nkind = \"command\"\n\
+         inputs = {{ meshes = [\"@body.mesh\", \"@body.mesh\"], one = [\"@body.mesh\"] }}\n\
+         command = [\"echo\", \"{{in:meshes.off}}\", \"{{in:one.ply}}\"]\n\n\
+         [outputs]\n\"stdout.txt\" = \"@all.stdout\"\n"
+    ));
+    work.succeed();
+    assert_eq!(work.read("stdout.txt"), "in/meshes/0.off in/meshes/1.off in/one/0.ply\n");
+}
+
+#[test]
+fn standard_streams_are_files_where_the_pipeline_says_so() {
+    let work = Work::new(&format!(
+        "{BODY}\n[nodes.upper]\nkind = \"command\"\ninputs = {{ mesh = \"@body.mesh\" }}\n\
+         outputs = {{ text = \"text\" }}\ncommand = [\"head\", \"-n\", \"2\"]\n\
+         stdin = \"{{in:mesh.off}}\"\nstdout_to = \"{{out:text.txt}}\"\n\n\
+         [outputs]\n\"text.txt\" = \"@upper.text\"\n\"stdout.txt\" = \"@upper.stdout\"\n"
+    ));
+    work.succeed();
+    assert_eq!(work.read("text.txt"), "OFF\n4 4 0\n");
+    assert_eq!(work.read("stdout.txt"), "");
+}
+
+#[test]
+fn no_shell_looks_at_the_arguments() {
+    let work = Work::new(
+        "[nodes.echo]\nkind = \"command\"\ncommand = [\"echo\", \"$HOME; `ls` > x *\"]\n\n\
+         [outputs]\n\"stdout.txt\" = \"@echo.stdout\"\n",
+    );
+    work.succeed();
+    assert_eq!(work.read("stdout.txt"), "$HOME; `ls` > x *\n");
+}
+
+#[test]
+fn the_environment_is_what_is_declared() {
+    let work = Work::new(
+        "[nodes.env]\nkind = \"command\"\ncommand = [\"env\"]\n\
+         env = { MINE = \"declared\", OMP_NUM_THREADS = \"4\" }\n\n\
+         [outputs]\n\"env.txt\" = \"@env.stdout\"\n",
+    );
+    work.succeed();
+    let text = work.read("env.txt");
+    let mut names: Vec<&str> = text.lines().filter_map(|it| Some(it.split_once('=')?.0)).collect();
+    names.sort_unstable();
+    let mut expected = vec!["HOME", "PATH", "TMPDIR", "MINE"];
+    expected.extend(sinew::engine::program::FIXED.map(|it| it.0));
+    expected.sort_unstable();
+    assert_eq!(names, expected);
+    assert!(text.contains("MINE=declared\n") && text.contains("OMP_NUM_THREADS=4\n"), "{text}");
+}
+
+#[test]
+fn declared_files_count_by_content_and_are_copies() {
+    let work = Work::new(
+        "[nodes.tool]\nkind = \"command\"\nfiles = { tool = \"tool.sh\", data = \"data.txt\" }\n\
+         command = [\"{file:tool}\", \"{file:data}\"]\n\n\
+         [outputs]\n\"stdout.txt\" = \"@tool.stdout\"\n",
+    );
+    work.write("data.txt", "1\n");
+    work.write("tool.sh", "#!/bin/sh\necho $1; cat $1; echo changed > $1; cd files; echo *\n");
+    work.fail(1, "`files/tool.sh` cannot be run: its file is not executable");
+    fs::set_permissions(work.path("tool.sh"), fs::Permissions::from_mode(0o755)).unwrap();
+    // The mode is no content: what failed is tried again.
+    work.succeed();
+    assert_eq!(work.read("stdout.txt"), "files/data.txt\n1\ndata.txt tool.sh\n");
+    assert_eq!(work.read("data.txt"), "1\n", "the program changed its copy");
+    work.write("data.txt", "2\n");
+    let text = work.succeed();
+    assert!(text.contains("file `files.data` changed") || text.contains("tool"), "{text}");
+    assert_eq!(work.read("stdout.txt"), "files/data.txt\n2\ndata.txt tool.sh\n");
+}
+
+#[test]
+fn a_set_of_files_is_a_folder() {
+    let work = Work::new(
+        "[nodes.make]\nkind = \"command\"\nshell = true\n\
+         command = \"mkdir {out:made}/a; echo 1 > {out:made}/a/b.txt; echo 2 > {out:made}/c\"\n\
+         outputs = { made = \"files\" }\n\n\
+         [nodes.list]\nkind = \"command\"\nshell = true\ninputs = { given = \"@make\" }\n\
+         command = \"cd {in:given}; cat a/b.txt c\"\n\n\
+         [outputs]\n\"stdout.txt\" = \"@list.stdout\"\n",
+    );
+    work.succeed();
+    assert_eq!(work.read("stdout.txt"), "1\n2\n");
+}
+
+#[test]
+fn failures_say_how_and_show_the_end_of_what_was_printed() {
+    Work::new(&shell("echo first >&2; echo the reason >&2; exit 3; {out:res.txt}"))
+        .fail(1, "`sh` ended with exit code 3; it printed:");
+    Work::new(&shell("echo the reason; exit 3; {out:res.txt}")).fail(1, "the reason");
+    Work::new(&shell("kill -SEGV $$; {out:res.txt}")).fail(1, "`sh` was ended by signal 11");
+    let missing = "output `res`: `out/res.txt` is not there; the program left `out/res.TXT`";
+    let text = Work::new(&shell("echo hint >&2; echo 1 > out/res.TXT; true {out:res.txt}"))
+        .fail(1, missing);
+    assert!(text.contains("hint"), "{text}");
+    let unknown = "[nodes.tool]\nkind = \"command\"\ncommand = [\"no-such-program\"]\n";
+    Work::new(unknown).fail(3, "there is no program `no-such-program` in `PATH`");
+}
+
+#[test]
+fn outputs_are_checked() {
+    let garbage = |ty: &str, extension: &str| {
+        format!(
+            "[nodes.tool]\nkind = \"command\"\nshell = true\noutputs = {{ res = \"{ty}\" }}\n\
+             command = \"echo garbage > {{out:res.{extension}}}\"\n"
+        )
+    };
+    let check = |ty, extension, message: &str| {
+        Work::new(&garbage(ty, extension)).fail(1, message);
+    };
+    check("mesh", "ply", "output `res`: `out/res.ply` is no `mesh`: PLY file");
+    check("mesh", "obj", "output `res`: `out/res.obj` is no `mesh`: OBJ file");
+    let damaged = "output `res`: `out/res.safetensors` is no `basis`: the file is damaged";
+    check("basis", "safetensors", damaged);
+    Work::new(&shell("printf '\\377' > {out:res.txt}"))
+        .fail(1, "output `res`: `out/res.txt` is no `text`: byte 0 is no UTF-8");
+}
+
+#[test]
+fn outputs_cannot_lie_elsewhere() {
+    let link = "is or lies behind a symbolic link";
+    Work::new(&shell("ln -s /etc/hostname {out:res.txt}")).fail(1, link);
+    Work::new(&shell("rm -r out; ln -s /tmp out; echo > {out:res.txt}")).fail(1, link);
+    Work::new(&shell("mkdir {out:res.txt}")).fail(1, "is a folder, not a file");
+    Work::new(&shell("mkfifo {out:res.txt}")).fail(1, "is no ordinary file");
+    let files = "[nodes.tool]\nkind = \"command\"\nshell = true\noutputs = { res = \"files\" }\n\
+                 command = \"ln -s /etc/hostname {out:res}/x\"\n";
+    Work::new(files).fail(1, "`x` is a link or no ordinary file");
+}
+
+#[test]
+fn a_flood_is_read_to_its_end_and_its_tail_is_kept() {
+    let work = Work::new(&shell(
+        "yes 0123456789 | head -c 100000000; echo the end; echo quiet >&2; echo > {out:res.txt}",
+    ));
+    work.succeed();
+    let text = work.read("stdout.txt");
+    assert!(text.starts_with("[99"), "{}", &text[..60]);
+    assert!(text.contains("bytes before this are not kept]\n0123456789\n"), "{}", &text[..60]);
+    assert!(text.ends_with("the end\n") && text.len() < 300_000, "{}", text.len());
+    assert_eq!(work.read("stderr.txt"), "quiet\n");
+}
+
+/// Waits for a process to be gone.
+#[track_caller]
+fn assert_gone(pid: &str) {
+    let start = Instant::now();
+    let stat = || fs::read_to_string(Path::new("/proc").join(pid.trim()).join("stat"));
+    // A zombie that its new parent has not reaped yet is gone as well.
+    while stat().is_ok_and(|it| !it.contains(") Z ")) {
+        assert!(start.elapsed() < Duration::from_secs(10), "{pid} is still there");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+#[test]
+fn what_a_program_leaves_running_is_ended() {
+    let work = Work::new(&shell("sleep 1000 & echo $! > {out:res.txt}"));
+    let start = Instant::now();
+    work.succeed();
+    assert!(start.elapsed() < Duration::from_secs(100), "nobody waits for what is left");
+    assert_gone(&work.read("res.txt"));
+}
+
+#[test]
+fn mistakes_are_found_before_anything_runs() {
+    let tool = |rest: &str| format!("{BODY}\n[nodes.tool]\nkind = \"command\"\n{rest}\n");
+    let check = |rest: &str, message: &str| check_fails(&tool(rest), message);
+    check("command = \"ls | wc\"", "`command` is a text, which only a shell takes apart");
+    check("command = []", "`command` names no program");
+    check("command = [\"./tool\"]", "there is no `./tool`: declare it in `files`");
+    check("command = [\"ls\", \"{in:mesh.ply}\"]", "`inputs` has no `mesh`");
+    check("command = [\"ls\", \"{out:mesh.ply}\"]", "`outputs` has no `mesh`");
+    check("command = [\"ls\", \"{file:x}\"]", "`files` has no `x`");
+    check("command = [\"ls\", \"{out:../x.ply}\"]", "must hold a name");
+    let wired = "inputs = { mesh = \"@body.mesh\" }\n";
+    check(&format!("command = [\"ls\"]\n{wired}"), "`mesh`, which is not used");
+    check(
+        &format!("command = [\"ls\", \"{{in:mesh.png}}\"]\n{wired}"),
+        "`mesh` is written as `.ply`",
+    );
+    check(&format!("command = [\"ls\", \"{{in:mesh}}\"]\n{wired}"), "`mesh` is written as `.ply`");
+    let listed = "inputs = { mesh = [\"@body.mesh\"] }\n";
+    check(&format!("command = [\"ls\", \"-i{{in:mesh.ply}}\"]\n{listed}"), "the input is a list");
+    let out = "outputs = { res = \"mesh\" }\n";
+    check(&format!("command = [\"ls\"]\n{out}"), "`res`, which is not written");
+    check(&format!("command = [\"ls\", \"{{out:res.npy}}\"]\n{out}"), "`mesh` is read as `.glb`");
+    check(
+        &format!("command = [\"ls\", \"{{out:res.ply}}\", \"{{out:res.obj}}\"]\n{out}"),
+        "as {out:res.obj} and {out:res.ply}",
+    );
+    check("command = [\"ls\"]\noutputs = { res = \"mash\" }", "did you mean `mesh`?");
+    check("command = [\"ls\"]\noutputs = { stdout = \"text\" }", "has the output `stdout`");
+    check("command = [\"ls\"]\ninputs = { env = \"@body.mesh\" }", "`env` is a parameter");
+    check("command = [\"ls\"]\ninputs = { x = \"@body.mash\" }", "has no output `mash`");
+    check("command = [\"ls\"]\ninputs = { x = 3 }", "expected a wire, but this is 3");
+    check("command = [\"ls\"]\ninputs = \"@body.mesh\"", "`inputs` must be a table");
+    check("command = [\"ls\"]\nfiles = { x = \"none.py\" }", "there is no file `none.py`");
+}
+
+#[test]
+fn the_version_of_a_program_counts() {
+    let work = Work::new(
+        "[nodes.tool]\nkind = \"command\"\ncommand = [\"true\"]\nversion = [\"cat\", \"VERSION\"]\n",
+    );
+    let tool = work.path("VERSION").display().to_string();
+    let pipeline = work.read("pipeline.toml").replace("VERSION", &tool);
+    work.write("pipeline.toml", &pipeline);
+    work.write("VERSION", "tool 1.0\n");
+    assert!(work.succeed().contains("tool"));
+    let planned = || {
+        let output = work.sinew(&["explain", "pipeline.toml", "tool"]);
+        String::from_utf8(output.stdout).unwrap()
+    };
+    assert!(planned().contains("cached"), "{}", planned());
+    assert!(planned().contains("tool 1.0"), "{}", planned());
+    work.write("VERSION", "tool 1.1\n");
+    assert!(planned().contains("`version`: tool 1.0 -> tool 1.1"), "{}", planned());
+    fs::remove_file(work.path("VERSION")).unwrap();
+    work.fail(3, "which should print a version, failed: cat:");
+}
+
+#[test]
+fn ports_and_names_are_no_content_but_whether_a_list_is() {
+    let pipeline = |node: &str, wires: &str| {
+        format!(
+            "{BODY}\n[nodes.{node}]\nkind = \"command\"\ncommand = [\"echo\", \"{{in:x.off}}\"]\n\
+             inputs = {{ x = {wires} }}\n"
+        )
+    };
+    let work = Work::new(&pipeline("a", "\"@body.mesh\""));
+    work.succeed();
+    let n_ran = |text: &str| {
+        work.write("pipeline.toml", text);
+        let output = work.sinew(&["run", "pipeline.toml", "--json"]);
+        let text = String::from_utf8(output.stdout).unwrap();
+        text.lines().filter(|it| it.contains("\"node_start\"")).count()
+    };
+    assert_eq!(n_ran(&pipeline("b", "\"@body.mesh\"")), 0);
+    assert_eq!(n_ran(&pipeline("b", "[\"@body.mesh\"]")), 1);
+}
