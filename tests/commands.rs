@@ -153,3 +153,28 @@ fn wrong_usage_ends_with_2() {
     assert_eq!(folder.sinew(&["check"]).0, 2);
     assert_eq!(folder.sinew(&["graph", "x.toml", "--dot", "--svg"]).0, 2);
 }
+
+#[test]
+fn pinned_runs_outlive_housekeeping() {
+    let text = "[nodes.a]\nkind = \"synthesize\"\nn_vertices = 1000\n\n\
+                [nodes.b]\nkind = \"normalize\"\nmesh = \"@a.mesh\"\n";
+    let folder = Folder::with(&[("p.toml", text)]);
+    let ok = |args: &[&str]| {
+        let (code, stdout, stderr) = folder.sinew(args);
+        assert_eq!(code, 0, "{args:?}: {stderr}");
+        stdout + &stderr
+    };
+    ok(&["run", "p.toml"]);
+    assert!(ok(&["cache", "pin", "latest", "a"]).contains("pinned 1 results of `"));
+    let pins = ok(&["cache", "pins"]);
+    let (run, rest) = pins.split_once(' ').unwrap();
+    assert_eq!(rest, " 1 results\n");
+    let removed = ok(&["cache", "rm", "--all"]);
+    assert!(removed.contains("1 results stay\n1 of them because they are pinned"), "{removed}");
+    assert!(ok(&["run", "p.toml"]).contains("1 ran, 1 cached"));
+    let (code, _, stderr) = folder.sinew(&["cache", "pin", "latest", "nobody"]);
+    assert!(code == 2 && stderr.contains("has no result of `nobody`"), "{stderr}");
+    ok(&["cache", "unpin", run]);
+    assert_eq!(folder.sinew(&["cache", "unpin", run]).0, 2);
+    assert!(ok(&["cache", "gc", "--max-size", "0"]).contains("0 results stay"));
+}

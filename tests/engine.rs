@@ -392,15 +392,6 @@ fn verification_finds_nothing_in_a_sound_store() {
 }
 
 #[test]
-fn housekeeping_waits_for_runs() {
-    let bench = Bench::new();
-    bench.run(CHAIN);
-    let _open = bench.store();
-    let error = gc::collect(&bench.path("cache"), &gc::GcOptions::default()).unwrap_err();
-    assert!(error.to_string().contains("is being used by a run"), "{error}");
-}
-
-#[test]
 fn a_read_only_store_is_not_touched() {
     let bench = Bench::new();
     bench.run(CHAIN);

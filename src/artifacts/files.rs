@@ -1,5 +1,5 @@
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::files::FileSet;
+use crate::kernels::files::{FileSet, check_relative};
 
 impl Artifact for FileSet {
     const TYPE: ArtifactType = ArtifactType {
@@ -19,6 +19,7 @@ impl Artifact for FileSet {
     fn decode(from: &Decoder<'_>) -> Result<Self, DecodeError> {
         let mut res = Self::default();
         for path in from.texts("paths")? {
+            check_relative(&path).map_err(DecodeError)?;
             let bytes = from.vector::<u8>(&array_name(&path))?;
             if res.files.insert(path.clone(), bytes.to_vec()).is_some() {
                 return Err(DecodeError(format!("the file `{path}` is listed twice")));

@@ -1,6 +1,6 @@
 //! `sinew cache`: what is stored, what can go, what is damaged.
 
-use std::time::Duration;
+use std::{collections::BTreeSet, path::Path, time::Duration};
 
 use anstream::println;
 use clap::Subcommand;
@@ -8,8 +8,13 @@ use clap::Subcommand;
 use super::{Exit, Failure, LIBRARY, Ui, common::StoreArgs, style};
 use crate::engine::{
     clock::{show_bytes, show_duration},
+    digest::Digest,
+    record::NodeDone,
     settings::parse_size,
-    store::gc::{self, GcError, GcOptions, GcReport},
+    store::{
+        gc::{self, GcError, GcOptions, GcReport},
+        pins,
+    },
 };
 
 /// Look at the cache and keep house in it
@@ -41,6 +46,21 @@ enum CacheCommand {
         #[arg(long)]
         dry_run: bool,
     },
+    /// Keep the results of a run, whatever else `gc` and `rm` are told
+    Pin {
+        /// A run: the beginning of its name, or `latest`
+        #[arg(default_value = "latest")]
+        run: String,
+        /// Nodes of the run whose results are kept; all if none is named
+        nodes: Vec<String>,
+    },
+    /// Take the pin of a run back
+    Unpin {
+        /// The run, as `pins` lists it
+        run: String,
+    },
+    /// List the pinned runs
+    Pins,
     /// Read everything and compare it with its digests
     Verify,
     /// Remove the results of kinds of nodes, or of keys by the beginning of their digests
@@ -85,6 +105,22 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
             }
             collect(args, &options, ui)
         }
+        CacheCommand::Pin { run, nodes } => pin(dir, run, nodes, ui),
+        CacheCommand::Unpin { run } => {
+            let pins = pins::all(dir).map_err(|it| super::common::cache_stop(&it))?;
+            if !pins.contains_key(run) {
+                return Err(Failure::usage(format_args!("no run `{run}` is pinned")));
+            }
+            pins::remove(dir, run).map_err(|it| super::common::cache_stop(&it))?;
+            ui.message(&format!("`{run}` is no longer pinned"));
+            Ok(Exit::Success)
+        }
+        CacheCommand::Pins => {
+            for (run, keys) in pins::all(dir).map_err(|it| super::common::cache_stop(&it))? {
+                println!("{run}  {} results", keys.len());
+            }
+            Ok(Exit::Success)
+        }
         CacheCommand::Verify => {
             let report = gc::verify(dir, &LIBRARY).map_err(stop)?;
             for damaged in &report.damaged {
@@ -96,6 +132,23 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
             Ok(if n_damaged == 0 { Exit::Success } else { Exit::Stale })
         }
     }
+}
+
+/// Pins what a run used, or some of it.
+fn pin(dir: &Path, run: &str, nodes: &[String], ui: &Ui) -> Result<Exit, Failure> {
+    let record = super::runs::find(dir, run)?;
+    let done: Vec<&NodeDone> = record.nodes().filter(|it| it.key.is_some()).collect();
+    for name in nodes {
+        if !done.iter().any(|it| it.node == *name) {
+            let run = &record.start.run;
+            return Err(Failure::usage(format_args!("the run `{run}` has no result of `{name}`")));
+        }
+    }
+    let is_chosen = |it: &&&NodeDone| nodes.is_empty() || nodes.contains(&it.node);
+    let keys: BTreeSet<Digest> = done.iter().filter(is_chosen).filter_map(|it| it.key).collect();
+    pins::add(dir, &record.start.run, &keys).map_err(|it| super::common::cache_stop(&it))?;
+    ui.message(&format!("pinned {} results of `{}`", keys.len(), record.start.run));
+    Ok(Exit::Success)
 }
 
 /// At least four hexadecimal digits: fewer would remove by accident.
@@ -134,11 +187,12 @@ fn stat(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
 
 fn collect(args: &Args, options: &GcOptions, ui: &Ui) -> Result<Exit, Failure> {
     let report = gc::collect(&args.store.cache, options).map_err(stop)?;
-    let GcReport { kept_entries, removed_entries, removed_objects, freed_bytes } = report;
+    let GcReport { kept_entries, removed_entries, in_use, pinned, removed_objects, freed_bytes } =
+        report;
     if ui.json {
         let line = serde_json::json!({
             "kept": kept_entries, "removed": removed_entries, "objects": removed_objects,
-            "bytes": freed_bytes, "dry_run": options.dry_run,
+            "bytes": freed_bytes, "in_use": in_use, "pinned": pinned, "dry_run": options.dry_run,
         });
         println!("{line}");
     } else {
@@ -148,6 +202,11 @@ fn collect(args: &Args, options: &GcOptions, ui: &Ui) -> Result<Exit, Failure> {
             "{verb} {removed_entries} results and {removed_objects} artifacts ({size}); \
              {kept_entries} results stay"
         );
+        for (n, why) in [(in_use, "because a run uses them"), (pinned, "because they are pinned")] {
+            if n > 0 {
+                println!("{n} of them {why}");
+            }
+        }
     }
     Ok(Exit::Success)
 }

@@ -1,6 +1,9 @@
 //! Arguments and steps that several commands share.
 
-use std::path::{Path, PathBuf};
+use std::{
+    io::ErrorKind,
+    path::{Path, PathBuf},
+};
 
 use petgraph::graph::NodeIndex;
 
@@ -23,7 +26,15 @@ pub struct StoreArgs {
 impl StoreArgs {
     /// Opens the cache to write.
     pub fn open(&self) -> Result<Store, Failure> {
-        Store::open(&self.cache, Access::ReadWrite).map_err(|it| cache_stop(&it))
+        Store::open(&self.cache, Access::ReadWrite).map_err(|it| match it.error.kind() {
+            ErrorKind::ReadOnlyFilesystem | ErrorKind::PermissionDenied => {
+                Failure::environment(format_args!(
+                    "{it}\nhint: `--cache DIR` names another folder; with `--read-only-cache` \
+                     nothing is kept"
+                ))
+            }
+            _ => cache_stop(&it),
+        })
     }
 
     /// Opens the cache to read; a folder that is not there is an empty cache.

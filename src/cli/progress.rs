@@ -227,6 +227,7 @@ impl Observer for Progress {
             }
             Event::Finished { instance, outcome, .. } => self.finished(graph, instance, outcome),
             Event::Exported { rule, outcome } => self.exported(graph, rule, outcome),
+            Event::Warning { text } => self.line("warning", style::WARN, text),
         }
     }
 }

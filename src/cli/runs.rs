@@ -153,6 +153,9 @@ fn tell(record: &Record, ui: &Ui) {
                 let why = whys.get(node.node.as_str()).filter(|_| node.status == "ran");
                 tell_node(node, why.map(|it| why::headline(it, &standing)), width);
             }
+            Line::Warning { text, .. } => {
+                println!("{}{:>10}{:#}  {text}", style::WARN, "warning", style::WARN);
+            }
             Line::Output { path, status, bytes, message, .. } => {
                 let size = bytes.map(show_bytes).unwrap_or_default();
                 let message = message.as_deref().unwrap_or_default();

@@ -63,6 +63,11 @@ pub enum Event<'a> {
         rule: usize,
         outcome: &'a ExportOutcome,
     },
+    /// Something that the user should know, and that fails nothing: a damaged file that is made
+    /// again.
+    Warning {
+        text: &'a str,
+    },
 }
 
 /// How it ended for one instance.

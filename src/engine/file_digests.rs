@@ -5,7 +5,7 @@ use std::{
     io,
     os::unix::fs::MetadataExt,
     path::Path,
-    time::{Duration, SystemTime},
+    time::{SystemTime, UNIX_EPOCH},
 };
 
 use super::{
@@ -39,10 +39,11 @@ pub fn digest(store: &Store, path: &Path) -> io::Result<Digest> {
 }
 
 /// A file that was changed a moment ago may be changed again within the clock's resolution, and
-/// would then look the same.
+/// would then look the same. Copies may keep the time of the original's change, so the time of the
+/// change of the file's own entry counts as well; times in the future are never settled.
 pub fn is_settled(meta: &fs::Metadata) -> bool {
-    let changed = meta.modified().unwrap_or_else(|_| SystemTime::now());
-    SystemTime::now().duration_since(changed).is_ok_and(|it| it > Duration::from_secs(2))
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |it| it.as_secs() as i64);
+    [meta.mtime(), meta.ctime()].iter().all(|&it| now.saturating_sub(it) > 2)
 }
 
 /// A digest of what tells one state of a file from another without reading it.

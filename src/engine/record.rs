@@ -70,6 +70,10 @@ pub enum Line {
         bytes: Option<u64>,
         message: Option<String>,
     },
+    Warning {
+        t: f64,
+        text: String,
+    },
     RunDone {
         t: f64,
         ran: usize,
@@ -175,6 +179,7 @@ impl Liner {
                 Line::NodeProgress { t, node: id(instance), fraction, text: text.to_owned() }
             }
             Event::Waiting { instance } => Line::NodeWaiting { t, node: id(instance) },
+            Event::Warning { text } => Line::Warning { t, text: text.to_owned() },
             Event::Retrying { instance, retry, retries, wait, failure } => {
                 let (wait_s, message) = (wait.as_secs_f64(), told(failure));
                 Line::NodeRetry { t, node: id(instance), retry, retries, wait_s, message }

@@ -421,6 +421,8 @@ impl<'a> Decoder<'a> {
     }
 }
 
+const MAX_DIMENSION: usize = 1 << 40;
+
 type Range = (usize, usize);
 
 fn read_entry<'a>(entry: &Value, data: &'a [u8], foreign: bool) -> Option<(RawArray<'a>, Range)> {
@@ -431,7 +433,8 @@ fn read_entry<'a>(entry: &Value, data: &'a [u8], foreign: bool) -> Option<(RawAr
         let list = entry.get(name)?.as_array()?;
         list.iter().map(|it| usize::try_from(it.as_u64()?).ok()).collect()
     };
-    let shape = numbers("shape")?;
+    // Where another dimension is zero, no number of bytes bounds the rest.
+    let shape = numbers("shape").filter(|it| it.iter().all(|&n| n <= MAX_DIMENSION))?;
     let [start, end] = numbers("data_offsets")?.try_into().ok()?;
     let size = known.map(Dtype::size).or(narrow.as_ref().map(|it| it.size))?;
     let n_bytes = shape.iter().try_fold(size, |a, &b| a.checked_mul(b))?;

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::files::FileSet;
+use crate::kernels::files::{FileSet, check_relative};
 
 mod fetch;
 mod mirror;
@@ -98,6 +98,7 @@ impl Download {
             if it.path.is_empty() {
                 return Err(format!("`{}` needs a name in the set", it.url));
             }
+            check_relative(&it.path)?;
             if !paths.insert(&it.path) {
                 return Err(format!("`files` has `{}` twice", it.path));
             }
@@ -187,6 +188,10 @@ mod tests {
             problem(&format!("url = 'http://a/'\nblake3 = '{digest}'")),
             "`http://a/` needs a name in the set"
         );
+        for path in ["../a", "/etc/passwd", "a/../../b"] {
+            let files = format!("files = [{{ path = '{path}', url = 'u', blake3 = '{digest}' }}]");
+            assert_eq!(problem(&files), format!("`{path}` is no path below its folder"));
+        }
     }
 
     #[test]

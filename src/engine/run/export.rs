@@ -1,6 +1,6 @@
 //! Writes artifacts into the user's folder.
 
-use std::{fs, io::Write, os::unix::fs::PermissionsExt, path::Path};
+use std::{fs, path::Path};
 
 use crate::engine::{
     artifact::AnyArtifact,
@@ -9,6 +9,7 @@ use crate::engine::{
     file_digests,
     library::{self, Library},
     node::extension_of,
+    store::disk::Disk,
 };
 
 /// Writes an artifact through a temporary file in the format that the path's extension names.
@@ -17,20 +18,17 @@ use crate::engine::{
 ///
 /// # Errors
 /// If the artifact cannot be written in this format, or the disk refuses.
-pub fn write(library: &Library, artifact: &AnyArtifact, path: &Path) -> Result<u64, Failure> {
+pub fn write(
+    disk: &Disk,
+    library: &Library,
+    artifact: &AnyArtifact,
+    path: &Path,
+) -> Result<u64, Failure> {
     let bytes = encode(library, artifact, &extension_of(path)).map_err(Failure::Node)?;
     let fail = |error| Failure::Environment(format!("cannot write `{}`: {error}", path.display()));
     let folder = path.parent().filter(|it| !it.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    fs::create_dir_all(folder).map_err(fail)?;
-    // Temporary files are private by default; what lands in the user's folder is an ordinary file.
-    let ordinary = fs::Permissions::from_mode(0o666);
-    let mut file = tempfile::Builder::new()
-        .prefix(".sinew-")
-        .permissions(ordinary)
-        .tempfile_in(folder)
-        .map_err(fail)?;
-    file.write_all(&bytes).map_err(fail)?;
-    file.persist(path).map_err(|e| fail(e.error))?;
+    disk.make_folder(folder).map_err(fail)?;
+    disk.write_whole(path, &bytes).map_err(fail)?;
     Ok(bytes.len() as u64)
 }
 

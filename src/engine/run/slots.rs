@@ -41,6 +41,12 @@ pub struct Slot {
     pub live: BTreeMap<&'static str, AnyArtifact>,
     /// Whether its outputs can be read from the store.
     pub stored: bool,
+    /// What was stored could not be read: it is not relied on again.
+    pub was_lost: bool,
+    /// Bytes that its running job will need beside what is in memory.
+    pub reserved: u64,
+    /// Bytes of its outputs that wait to be written.
+    pub pending: u64,
     pub key: Option<(Digest, Key)>,
     pub reason: Reason,
     pub work: Work,
@@ -80,6 +86,9 @@ impl Slot {
             outputs: None,
             live: BTreeMap::new(),
             stored: false,
+            was_lost: false,
+            reserved: 0,
+            pending: 0,
             key: None,
             reason: Reason::New,
             work: Work::Idle,

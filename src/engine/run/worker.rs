@@ -187,11 +187,12 @@ fn run_export(context: &Context<'_>, value: Value, path: &std::path::Path) -> (L
         Ok(artifact) => artifact,
         Err(lost) => return (loaded, lost),
     };
-    let outcome = match guarded(|| export::write(context.library, &artifact, path)) {
-        Ok(Ok(bytes)) => ExportOutcome::Written { bytes },
-        Ok(Err(failure)) => ExportOutcome::Failed { failure },
-        Err(message) => ExportOutcome::Failed { failure: Failure::Panic(message) },
-    };
+    let outcome =
+        match guarded(|| export::write(context.store.disk(), context.library, &artifact, path)) {
+            Ok(Ok(bytes)) => ExportOutcome::Written { bytes },
+            Ok(Err(failure)) => ExportOutcome::Failed { failure },
+            Err(message) => ExportOutcome::Failed { failure: Failure::Panic(message) },
+        };
     (loaded, JobResult::Exported(outcome))
 }
 

@@ -1,20 +1,27 @@
 //! Housekeeping: what a store holds, what can go, what is damaged.
 //!
-//! Everything here that removes something holds the store's lock alone, so no run sees half of it.
+//! It works beside runs. Whoever removes something holds the gate alone, so that nobody plans or
+//! writes meanwhile, and keeps what is pinned, what a running run has planned with or has made, and
+//! the segments that running processes append to. A run that learns of a result only later (because
+//! what comes before it gave the same bytes as ever) may find its artifacts gone, and makes them
+//! again.
 
 use std::{
     collections::{BTreeMap, HashMap, HashSet},
     fs::{self, File},
     path::{Path, PathBuf},
+    time::Duration,
 };
 
 use super::{
-    Access, Entry, StoreError,
+    Access, CACHEDIR_TAG, Entry, StoreError,
+    disk::{self, Disk},
+    gate,
     log::{Log, RecordKind},
-    objects, open_lock_file,
+    objects, pins, uses,
 };
 use crate::engine::{
-    artifact::digest_of,
+    artifact::{ArtifactType, digest_of},
     digest::Digest,
     key::Key,
     library::Library,
@@ -24,7 +31,7 @@ use crate::engine::{
 /// Why housekeeping did not happen.
 #[derive(Debug, thiserror::Error)]
 pub enum GcError {
-    #[error("the cache `{}` is being used by a run; try again when it has ended", dir.display())]
+    #[error("the cache `{}` is busy: somebody plans or writes without a pause", dir.display())]
     InUse { dir: PathBuf },
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -72,6 +79,10 @@ pub struct GcOptions {
 pub struct GcReport {
     pub kept_entries: usize,
     pub removed_entries: usize,
+    /// Entries that could have gone, but a running run relies on them or appends beside them.
+    pub in_use: usize,
+    /// Entries that could have gone, but are pinned.
+    pub pinned: usize,
     pub removed_objects: usize,
     pub freed_bytes: u64,
 }
@@ -90,14 +101,17 @@ struct StoredEntry {
     entry: Entry,
 }
 
+/// How long housekeeping waits for a moment in which nobody plans or writes.
+const PATIENCE: Duration = Duration::from_secs(60);
+
 /// Sums up what a store holds.
 ///
 /// # Errors
 /// If the log cannot be read.
 pub fn stat(dir: &Path) -> Result<CacheStat, StoreError> {
-    let log = Log::open(&dir.join("log"))?;
+    let mut log = open_log(dir)?;
     let mut stat = CacheStat { runs: record::list(dir).len(), ..CacheStat::default() };
-    for StoredEntry { kind, entry, .. } in entries(&log) {
+    for StoredEntry { kind, entry, .. } in entries(&mut log) {
         let of_kind = stat.kinds.entry(kind).or_default();
         of_kind.entries += 1;
         of_kind.bytes += entry.outputs.iter().map(|it| it.bytes).sum::<u64>();
@@ -116,21 +130,37 @@ pub fn stat(dir: &Path) -> Result<CacheStat, StoreError> {
 /// Removes what may go, and writes what stays into one new segment.
 ///
 /// # Errors
-/// If a run uses the store, or the disk refuses. Nothing that was to stay is lost then.
+/// If a pin cannot be read, if there is never a moment in which nobody plans or writes, or if the
+/// disk refuses. Nothing that was to stay is lost then.
 pub fn collect(dir: &Path, options: &GcOptions) -> Result<GcReport, GcError> {
-    let _alone = lock_alone(dir)?;
-    let log = Log::open(&dir.join("log"))?;
-    let (kept, removed) = choose(entries(&log), &last_uses(dir, None), dir, options);
+    let _alone = close_gate(dir)?;
+    let pinned: HashSet<Digest> = pins::all(dir)?.into_values().flatten().collect();
+    let in_use = uses::living(&Disk::default(), dir);
+    let mut log = open_log(dir)?;
+    let all = entries(&mut log);
+    let (mut kept, chosen) = choose(all, &last_uses(dir, None), dir, options);
+    let mut report = GcReport::default();
+    let mut removed = Vec::new();
+    for it in chosen {
+        if pinned.contains(&it.key) {
+            report.pinned += 1;
+            kept.push(it);
+        } else if in_use.keys.contains(&it.key) || in_use.runs.contains(&it.entry.run) {
+            report.in_use += 1;
+            kept.push(it);
+        } else {
+            removed.push(it);
+        }
+    }
     let kept_keys: HashSet<Digest> = kept.iter().map(|it| it.key).collect();
     let kept_objects: HashSet<Digest> =
         kept.iter().flat_map(|it| it.entry.outputs.iter().map(|it| it.digest)).collect();
-    let mut report = GcReport {
-        kept_entries: kept.len(),
-        removed_entries: removed.len(),
-        ..GcReport::default()
-    };
-    let large = large_objects(dir);
-    for (digest, object) in &large {
+    let is_held = log.held();
+    let n_held = removed.iter().filter(|it| is_held(RecordKind::Entry, &it.key)).count();
+    report.kept_entries = kept.len() + n_held;
+    report.in_use += n_held;
+    report.removed_entries = removed.len() - n_held;
+    for (digest, object) in &large_objects(dir) {
         if !kept_objects.contains(digest) {
             report.removed_objects += 1;
             report.freed_bytes += object.bytes;
@@ -140,11 +170,12 @@ pub fn collect(dir: &Path, options: &GcOptions) -> Result<GcReport, GcError> {
         }
     }
     for (digest, bytes) in log.list(RecordKind::Object) {
-        if !kept_objects.contains(&digest) {
+        if !kept_objects.contains(&digest) && !is_held(RecordKind::Object, &digest) {
             report.removed_objects += 1;
             report.freed_bytes += bytes;
         }
     }
+    drop(is_held);
     if !options.dry_run {
         log.rewrite(|kind, digest| match kind {
             RecordKind::Entry => kept_keys.contains(digest),
@@ -161,21 +192,24 @@ pub fn collect(dir: &Path, options: &GcOptions) -> Result<GcReport, GcError> {
 
 /// Reads everything and compares it with its digests; what is damaged is set aside.
 ///
+/// Runs go on meanwhile, but for the moment in which damaged records are removed.
+///
 /// # Errors
-/// If a run uses the store, or the log cannot be read.
+/// If the log cannot be read or written, or if there is never a moment in which nobody plans or
+/// writes.
 pub fn verify(dir: &Path, library: &Library) -> Result<VerifyReport, GcError> {
-    let _alone = lock_alone(dir)?;
-    let log = Log::open(&dir.join("log"))?;
+    let mut log = open_log(dir)?;
     let mut report = VerifyReport::default();
-    let mut checked = HashSet::new();
-    let mut damaged_small = HashSet::new();
+    let mut damaged = DamagedRecords::default();
     for (key, _) in log.list(RecordKind::Entry) {
         report.entries += 1;
-        if log.get(RecordKind::Entry, &key).is_none() {
+        if !is_whole_entry(&mut log, &key) {
+            damaged.entries.insert(key);
             report.damaged.push(format!("entry {}", key.short()));
         }
     }
-    for StoredEntry { kind, entry, .. } in entries(&log) {
+    let mut checked = HashSet::new();
+    for StoredEntry { kind, entry, .. } in entries(&mut log) {
         for output in &entry.outputs {
             let Some(artifact) = library.artifact_kind(&output.ty) else { continue };
             if !checked.insert(output.digest) {
@@ -184,14 +218,14 @@ pub fn verify(dir: &Path, library: &Library) -> Result<VerifyReport, GcError> {
             let name = || format!("`{}` of a {kind} node ({})", output.port, output.digest.short());
             if log.has(RecordKind::Object, &output.digest) {
                 report.objects += 1;
-                let bytes = log.get(RecordKind::Object, &output.digest).unwrap_or_default();
-                if digest_of(artifact.ty, &bytes) != output.digest {
-                    damaged_small.insert(output.digest);
+                if !is_whole_object(&mut log, artifact.ty, &output.digest) {
+                    damaged.objects.insert(output.digest, artifact.ty);
                     report.damaged.push(name());
                 }
                 continue;
             }
-            match objects::read(dir, Access::ReadWrite, artifact.ty, &output.digest) {
+            let access = Access::ReadWrite;
+            match objects::read(&Disk::default(), dir, access, artifact.ty, &output.digest) {
                 Ok(_) => report.objects += 1,
                 Err(objects::ObjectError::Missing { .. }) => {}
                 Err(error) => {
@@ -201,27 +235,74 @@ pub fn verify(dir: &Path, library: &Library) -> Result<VerifyReport, GcError> {
             }
         }
     }
-    if !damaged_small.is_empty() {
-        log.rewrite(|kind, digest| kind != RecordKind::Object || !damaged_small.contains(digest))?;
+    let in_log = log.take_damage();
+    drop(log);
+    if !in_log.is_empty() || !damaged.entries.is_empty() || !damaged.objects.is_empty() {
+        remove_records(dir, damaged)?;
     }
+    report.damaged.extend(in_log);
+    mend_tag(dir, &mut report)?;
     Ok(report)
 }
 
-fn lock_alone(dir: &Path) -> Result<File, GcError> {
-    let lock = open_lock_file(&dir.join("lock"))?;
-    match lock.try_lock() {
-        Ok(()) => Ok(lock),
-        Err(_) => Err(GcError::InUse { dir: dir.to_owned() }),
-    }
+#[derive(Default)]
+struct DamagedRecords {
+    entries: HashSet<Digest>,
+    objects: HashMap<Digest, ArtifactType>,
 }
 
-fn entries(log: &Log) -> Vec<StoredEntry> {
+fn is_whole_entry(log: &mut Log, key: &Digest) -> bool {
+    let entry = log.get(RecordKind::Entry, key).and_then(|it| Entry::from_payload(&it));
+    entry.is_some_and(|it| Digest::of(it.key.as_bytes()) == *key)
+}
+
+fn is_whole_object(log: &mut Log, ty: ArtifactType, digest: &Digest) -> bool {
+    log.get(RecordKind::Object, digest).is_some_and(|it| digest_of(ty, &it) == *digest)
+}
+
+/// Writes the log without damaged records.
+fn remove_records(dir: &Path, mut damaged: DamagedRecords) -> Result<(), GcError> {
+    let _alone = close_gate(dir)?;
+    let mut log = open_log(dir)?;
+    // Some may have been made again since.
+    damaged.entries.retain(|key| !is_whole_entry(&mut log, key));
+    damaged.objects.retain(|digest, ty| !is_whole_object(&mut log, *ty, digest));
+    log.rewrite(|kind, digest| match kind {
+        RecordKind::Entry => !damaged.entries.contains(digest),
+        RecordKind::Object => !damaged.objects.contains_key(digest),
+        RecordKind::FileDigest | RecordKind::LastKey | RecordKind::Exported => true,
+    })?;
+    Ok(())
+}
+
+/// The tag tells backup programs to leave the cache out.
+fn mend_tag(dir: &Path, report: &mut VerifyReport) -> Result<(), StoreError> {
+    let tag = dir.join("CACHEDIR.TAG");
+    if fs::read(&tag).is_ok_and(|it| it == CACHEDIR_TAG.as_bytes()) {
+        return Ok(());
+    }
+    report.damaged.push(format!("`{}`", tag.display()));
+    let written = Disk::default().write_whole(&tag, CACHEDIR_TAG.as_bytes());
+    written.map_err(StoreError::new("write", &tag))
+}
+
+fn close_gate(dir: &Path) -> Result<File, GcError> {
+    let closed = gate::close(&Disk::default(), &dir.join("lock"), PATIENCE)?;
+    closed.ok_or_else(|| GcError::InUse { dir: dir.to_owned() })
+}
+
+fn open_log(dir: &Path) -> Result<Log, StoreError> {
+    Log::open(&Disk::default(), &dir.join("log"))
+}
+
+fn entries(log: &mut Log) -> Vec<StoredEntry> {
+    let keys = log.list(RecordKind::Entry);
     let read = |(key, _): (Digest, u64)| {
         let entry = Entry::from_payload(&log.get(RecordKind::Entry, &key)?)?;
         let kind = serde_json::from_str::<Key>(&entry.key).ok()?.kind;
         Some(StoredEntry { key, kind, entry })
     };
-    log.list(RecordKind::Entry).into_iter().filter_map(read).collect()
+    keys.into_iter().filter_map(read).collect()
 }
 
 struct LargeObject {
@@ -307,7 +388,7 @@ fn choose(
 fn remove_leftovers(dir: &Path) -> Result<(), StoreError> {
     for path in object_files(dir) {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if name.starts_with(".tmp-") || name.ends_with(".damaged") {
+        if name.starts_with(disk::TEMPORARY) || name.ends_with(".damaged") {
             remove(&path)?;
         }
     }

@@ -2,16 +2,18 @@
 
 use std::{
     collections::HashMap,
-    fs::{self, File},
+    fs::File,
     hash::{BuildHasherDefault, Hasher},
-    io::{self, Write},
-    os::unix::fs::FileExt,
+    io,
     path::{Path, PathBuf},
 };
 
 use memmap2::Mmap;
 
-use super::StoreError;
+use super::{
+    StoreError,
+    disk::{Disk, is_at, is_removed, unique_word},
+};
 use crate::engine::digest::Digest;
 
 /// What a record is about. The numbers are the file format.
@@ -35,20 +37,29 @@ impl RecordKind {
 
 const MAGIC: &[u8; 8] = b"SINEWLG1";
 
-/// A record: payload length (4 bytes), kind (1), zeros (3), digest (32), check of the payload (8),
-/// check of these 48 bytes (8), payload, zeros up to a multiple of 8.
+/// A record: payload length (4 bytes), kind (1), generation (3), digest (32), check of the payload
+/// (8), check of these 48 bytes (8), payload, zeros up to a multiple of 8.
+///
+/// The generation orders records of one kind and digest, in whichever segments they are: a record
+/// that replaces another has a larger one. No clock has a say in it.
 const HEADER: usize = 56;
+
+const MAX_GENERATION: u32 = (1 << 24) - 1;
 
 /// A segment that is larger is not appended to any more.
 const FULL_SEGMENT: u64 = 256 << 20;
 
+/// So many bytes of records are written at once when segments are rewritten.
+const REWRITE_BATCH: usize = 16 << 20;
+
 /// Where a payload lies.
 #[derive(Debug, Clone, Copy)]
 struct Place {
-    segment: u32,
     offset: u64,
-    length: u32,
     check: u64,
+    segment: u32,
+    length: u32,
+    generation: u32,
 }
 
 struct Segment {
@@ -56,26 +67,38 @@ struct Segment {
     file: File,
     /// The end of the last whole record that was seen.
     end: u64,
+    /// Whether it begins as a segment should; others are read, but not appended to.
+    is_sound: bool,
     /// The segment up to where it was scanned last; what was appended since is read from the file.
     map: Option<Mmap>,
 }
 
+type Subject = (RecordKind, Digest);
+
 /// All segments of a store.
 pub struct Log {
+    disk: Disk,
     dir: PathBuf,
     segments: Vec<Segment>,
-    index: HashMap<(RecordKind, Digest), Place, BuildHasherDefault<DigestHasher>>,
+    index: HashMap<Subject, Place, BuildHasherDefault<DigestHasher>>,
+    /// Generations of records that turned out to be damaged, so that what replaces them wins.
+    lost: HashMap<Subject, u32, BuildHasherDefault<DigestHasher>>,
     /// The segment that this process appends to, with its lock.
     own: Option<usize>,
+    /// What was found damaged, for people.
+    damage: Vec<String>,
 }
 
 impl Log {
-    pub fn open(dir: &Path) -> Result<Self, StoreError> {
+    pub fn open(disk: &Disk, dir: &Path) -> Result<Self, StoreError> {
         let mut log = Self {
+            disk: disk.clone(),
             dir: dir.to_owned(),
             segments: Vec::new(),
             index: HashMap::default(),
+            lost: HashMap::default(),
             own: None,
+            damage: Vec::new(),
         };
         log.refresh()?;
         Ok(log)
@@ -86,19 +109,20 @@ impl Log {
     /// Lists the folder every time: its time of change is too coarse to tell whether a segment has
     /// come in the same tick of the clock.
     pub fn refresh(&mut self) -> Result<(), StoreError> {
-        let list = match fs::read_dir(&self.dir) {
-            Ok(list) => list,
+        let paths = match self.disk.list(&self.dir) {
+            Ok(paths) => paths,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
             Err(error) => return Err(StoreError::new("read", &self.dir)(error)),
         };
-        let mut paths: Vec<PathBuf> =
-            list.filter_map(|it| Some(it.ok()?.path())).filter(|it| is_segment(it)).collect();
-        // Later segments win where facts were replaced: names begin with the time of their making.
-        paths.sort();
-        for path in paths {
-            if !self.segments.iter().any(|it| it.path == path) {
-                let file = File::open(&path).map_err(StoreError::new("read", &path))?;
-                self.segments.push(Segment { path, file, end: 0, map: None });
+        for path in paths.into_iter().filter(|it| is_segment(it)) {
+            if self.segments.iter().any(|it| it.path == path) {
+                continue;
+            }
+            match self.disk.open(&path) {
+                Ok(file) => self.push_segment(path, file, 0),
+                // Housekeeping has removed it since the folder was listed.
+                Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+                Err(error) => return Err(StoreError::new("read", &path)(error)),
             }
         }
         for segment in 0..self.segments.len() {
@@ -109,30 +133,57 @@ impl Log {
         Ok(())
     }
 
+    fn push_segment(&mut self, path: PathBuf, file: File, end: u64) {
+        self.segments.push(Segment { path, file, end, is_sound: true, map: None });
+    }
+
     /// Indexes the whole records after the segment's known end.
+    ///
+    /// A damaged record costs only itself: the next one is looked for behind it.
     fn scan(&mut self, index: usize) -> Result<(), StoreError> {
         let segment = &mut self.segments[index];
         let fail = |path: &Path| StoreError::new("read", path);
-        let length = segment.file.metadata().map_err(fail(&segment.path))?.len();
+        let length = self.disk.length(&segment.file, &segment.path).map_err(fail(&segment.path))?;
         if length <= segment.end.max(MAGIC.len() as u64) {
             return Ok(());
         }
-        // SAFETY: segments only grow while a store is open (`gc` and the cutting of torn records
-        // need locks that exclude this), so the mapped bytes stay.
-        let map = unsafe { Mmap::map(&segment.file) }.map_err(fail(&segment.path))?;
+        // SAFETY: segments only grow while a store is open (torn records are cut off by the holder
+        // of the segment's lock, and never below what was indexed), so the mapped bytes stay.
+        let map = unsafe { self.disk.map(&segment.file, &segment.path) };
+        let map = map.map_err(fail(&segment.path))?;
+        if (map.len() as u64) < length {
+            return Err(fail(&segment.path)(io::ErrorKind::UnexpectedEof.into()));
+        }
         if segment.end == 0 {
-            if !map.starts_with(MAGIC) {
-                tracing::warn!(path = %segment.path.display(), "is no log segment; left alone");
-                return Ok(());
+            segment.is_sound = map.starts_with(MAGIC);
+            if !segment.is_sound {
+                let path = segment.path.display();
+                self.damage.push(format!("`{path}` does not begin as a segment of the log"));
             }
             segment.end = MAGIC.len() as u64;
         }
-        while let Some((kind, digest, check, payload)) = read_header(&map, segment.end) {
+        loop {
+            let Some(header) = read_header(&map, segment.end) else {
+                let Some(next) = next_record(&map, segment.end) else { break };
+                let (path, from) = (segment.path.display(), segment.end);
+                self.damage.push(format!("`{path}`: bytes {from} to {next} are damaged"));
+                segment.end = next;
+                continue;
+            };
             let offset = segment.end + HEADER as u64;
-            let place = Place { segment: index as u32, offset, length: payload, check };
-            segment.end = (offset + u64::from(payload)).next_multiple_of(8);
-            if let Some(kind) = kind {
-                self.index.insert((kind, digest), place);
+            segment.end = (offset + u64::from(header.length)).next_multiple_of(8);
+            if let Some(kind) = header.kind {
+                let place = Place {
+                    offset,
+                    check: header.check,
+                    segment: index as u32,
+                    length: header.length,
+                    generation: header.generation,
+                };
+                let held = self.index.entry((kind, header.digest)).or_insert(place);
+                if place.generation >= held.generation {
+                    *held = place;
+                }
             }
         }
         segment.map = Some(map);
@@ -143,8 +194,17 @@ impl Log {
         self.index.contains_key(&(kind, *digest))
     }
 
+    /// Drops a record that turned out to be damaged.
     pub fn forget(&mut self, kind: RecordKind, digest: &Digest) {
-        self.index.remove(&(kind, *digest));
+        let Some(place) = self.index.remove(&(kind, *digest)) else { return };
+        self.lost.insert((kind, *digest), place.generation);
+        let path = self.segments[place.segment as usize].path.display();
+        self.damage.push(format!("`{path}`: the record at byte {} is damaged", place.offset));
+    }
+
+    /// What was found damaged since this was asked last.
+    pub fn take_damage(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.damage)
     }
 
     /// All digests of one kind, with the lengths of their payloads, sorted.
@@ -160,23 +220,48 @@ impl Log {
     }
 
     /// The payload of the newest record, if it is whole.
-    pub fn get(&self, kind: RecordKind, digest: &Digest) -> Option<Vec<u8>> {
-        let place = self.index.get(&(kind, *digest))?;
+    pub fn get(&mut self, kind: RecordKind, digest: &Digest) -> Option<Vec<u8>> {
+        let place = *self.index.get(&(kind, *digest))?;
+        match self.read(&place) {
+            Ok(payload) if check_of(&payload) == place.check => Some(payload),
+            _ => {
+                self.forget(kind, digest);
+                None
+            }
+        }
+    }
+
+    fn read(&self, place: &Place) -> io::Result<Vec<u8>> {
         let segment = &self.segments[place.segment as usize];
         let range = place.offset as usize..place.offset as usize + place.length as usize;
-        let payload = match segment.map.as_ref().and_then(|it| it.get(range)) {
-            Some(mapped) => mapped.to_vec(),
-            None => {
-                let mut payload = vec![0; place.length as usize];
-                segment.file.read_exact_at(&mut payload, place.offset).ok()?;
-                payload
-            }
-        };
-        (check_of(&payload) == place.check).then_some(payload)
+        if let Some(mapped) = segment.map.as_ref().and_then(|it| it.get(range)) {
+            return Ok(mapped.to_vec());
+        }
+        let mut payload = vec![0; place.length as usize];
+        self.disk.read_at(&segment.file, &segment.path, &mut payload, place.offset)?;
+        Ok(payload)
     }
 
     /// Appends records with one write; either all of them or none.
     pub fn append(&mut self, records: &[(RecordKind, Digest, Vec<u8>)]) -> Result<(), StoreError> {
+        let generations: Vec<u32> = records
+            .iter()
+            .map(|(kind, digest, _)| {
+                let subject = (*kind, *digest);
+                let replaced = self.index.get(&subject).map(|it| it.generation);
+                let replaced = replaced.max(self.lost.get(&subject).copied());
+                replaced.map_or(0, |it| (it + 1).min(MAX_GENERATION))
+            })
+            .collect();
+        self.append_as(records, &generations)
+    }
+
+    /// Appends records of given generations.
+    fn append_as(
+        &mut self,
+        records: &[(RecordKind, Digest, Vec<u8>)],
+        generations: &[u32],
+    ) -> Result<(), StoreError> {
         if records.is_empty() {
             return Ok(());
         }
@@ -184,18 +269,19 @@ impl Log {
         let start = self.segments[own].end;
         let mut buffer = Vec::new();
         let mut places = Vec::new();
-        for (kind, digest, payload) in records {
-            let check = write_header(&mut buffer, *kind, digest, payload);
+        for ((kind, digest, payload), &generation) in records.iter().zip(generations) {
+            let check = write_header(&mut buffer, *kind, generation, digest, payload);
             let offset = start + buffer.len() as u64;
-            let place = Place { segment: own as u32, offset, length: payload.len() as u32, check };
+            let length = payload.len() as u32;
+            let place = Place { offset, check, segment: own as u32, length, generation };
             places.push(((*kind, *digest), place));
             buffer.extend_from_slice(payload);
             buffer.resize(buffer.len().next_multiple_of(8), 0);
         }
         let segment = &mut self.segments[own];
-        if let Err(error) = segment.file.write_all_at(&buffer, start) {
+        if let Err(error) = self.disk.write_at(&segment.file, &segment.path, &buffer, start) {
             // A full disk: cut off what fitted, so that the segment ends with a whole record.
-            let _ = segment.file.set_len(start);
+            let _ = self.disk.cut(&segment.file, &segment.path, start);
             return Err(StoreError::new("write", &segment.path)(error));
         }
         segment.end = start + buffer.len() as u64;
@@ -203,72 +289,137 @@ impl Log {
         Ok(())
     }
 
-    /// Takes over a segment that nobody appends to, or makes a new one.
+    /// The segment to append to: ours, one that nobody appends to, or a new one.
     fn own_segment(&mut self) -> Result<usize, StoreError> {
         if let Some(own) = self.own {
-            return Ok(own);
+            if is_removed(&self.segments[own].file) {
+                let path = self.dir.display();
+                self.damage.push(format!("`{path}` was removed while it was in use"));
+            } else if self.segments[own].end <= FULL_SEGMENT {
+                return Ok(own);
+            }
+            self.own = None;
         }
         for index in 0..self.segments.len() {
-            let path = self.segments[index].path.clone();
-            if self.segments[index].end == 0 || self.segments[index].end > FULL_SEGMENT {
-                continue;
+            if self.take_over(index)? {
+                self.own = Some(index);
+                return Ok(index);
             }
-            let Ok(file) = File::options().read(true).write(true).open(&path) else { continue };
-            if file.try_lock().is_err() {
-                continue;
-            }
-            self.scan(index)?;
-            let end = self.segments[index].end;
-            if file.metadata().is_ok_and(|it| it.len() > end) {
-                tracing::info!(path = %path.display(), end, "cut off a torn record");
-                file.set_len(end).map_err(StoreError::new("write", &path))?;
-            }
-            self.segments[index].file = file;
-            self.own = Some(index);
-            return Ok(index);
         }
         self.new_segment()
     }
 
+    /// Takes over a segment that nobody appends to; a torn record at its end is cut off.
+    fn take_over(&mut self, index: usize) -> Result<bool, StoreError> {
+        let segment = &self.segments[index];
+        let path = segment.path.clone();
+        if !segment.is_sound || segment.end > FULL_SEGMENT {
+            return Ok(false);
+        }
+        let Ok(file) = self.disk.open_to_write(&path) else { return Ok(false) };
+        if !self.disk.try_lock(&file, &path).unwrap_or(false) || !is_at(&file, &path) {
+            return Ok(false);
+        }
+        self.scan(index)?;
+        let fail = || StoreError::new("write", &path);
+        let length = self.disk.length(&file, &path).map_err(fail())?;
+        let segment = &mut self.segments[index];
+        if !segment.is_sound {
+            return Ok(false);
+        }
+        if segment.end == 0 {
+            // Its maker was killed before its first word.
+            self.disk.write_at(&file, &path, MAGIC, 0).map_err(fail())?;
+            segment.end = MAGIC.len() as u64;
+        } else if length > segment.end {
+            let (n, end) = (length - segment.end, segment.end);
+            self.damage.push(format!("`{}`: cut off {n} torn bytes at byte {end}", path.display()));
+            self.disk.cut(&file, &path, end).map_err(fail())?;
+        }
+        segment.file = file;
+        Ok(true)
+    }
+
     fn new_segment(&mut self) -> Result<usize, StoreError> {
-        let file = tempfile::Builder::new()
-            .prefix(&format!("{:010}-", super::now_secs()))
-            .suffix(".log")
-            .tempfile_in(&self.dir)
-            .map_err(StoreError::new("make a file in", &self.dir))?;
-        let (mut file, path) =
-            file.keep().map_err(|e| StoreError::new("keep", &self.dir)(e.error))?;
-        file.try_lock().map_err(|e| StoreError::new("lock", &path)(e.into()))?;
-        file.write_all(MAGIC).map_err(StoreError::new("write", &path))?;
-        self.segments.push(Segment { path, file, end: MAGIC.len() as u64, map: None });
+        self.disk.make_folder(&self.dir).map_err(StoreError::new("make the folder", &self.dir))?;
+        // Numbered, so that whoever looks can tell old from new; the order does not matter.
+        let (path, file) = loop {
+            let number = self.segments.len();
+            let name = format!("{number:04}-{}.log", unique_word());
+            let path = self.dir.join(name);
+            match self.disk.create_new(&path) {
+                Ok(file) => break (path, file),
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(StoreError::new("make", &path)(error)),
+            }
+        };
+        let fail = |what| StoreError::new(what, &path);
+        if !self.disk.try_lock(&file, &path).map_err(fail("lock"))? {
+            // Another was quicker to take over the empty file.
+            return self.new_segment();
+        }
+        self.disk.write_at(&file, &path, MAGIC, 0).map_err(fail("write"))?;
+        self.push_segment(path, file, MAGIC.len() as u64);
         self.own = Some(self.segments.len() - 1);
         Ok(self.segments.len() - 1)
     }
 
-    /// Writes the records that `keeps` chooses into a new segment and removes all others.
+    /// Writes the records that `keeps` chooses into a new segment and removes those they were in.
     ///
-    /// Nobody else may have the store open. A crash on the way leaves records twice, not less.
+    /// Segments that running processes append to stay as they are. A crash on the way leaves
+    /// records twice, not less.
     pub fn rewrite(
-        mut self,
+        &mut self,
         keeps: impl Fn(RecordKind, &Digest) -> bool,
     ) -> Result<(), StoreError> {
-        let old: Vec<PathBuf> = self.segments.iter().map(|it| it.path.clone()).collect();
-        let mut records = Vec::new();
-        for kind in RecordKind::ALL {
-            for (digest, _) in self.list(kind) {
-                if keeps(kind, &digest)
-                    && let Some(payload) = self.get(kind, &digest)
-                {
-                    records.push((kind, digest, payload));
-                }
+        let free = self.free_segments();
+        let mut subjects: Vec<(Subject, Place)> = self
+            .index
+            .iter()
+            .filter(|it| free.iter().any(|(index, _)| *index == it.1.segment as usize))
+            .filter(|it| keeps(it.0.0, &it.0.1))
+            .map(|it| (*it.0, *it.1))
+            .collect();
+        subjects.sort_by_key(|((kind, digest), _)| (*kind as u8, *digest));
+        self.own = None;
+        if !subjects.is_empty() {
+            self.new_segment()?;
+        }
+        let (mut records, mut generations, mut n_bytes) = (Vec::new(), Vec::new(), 0);
+        for ((kind, digest), place) in subjects {
+            let Some(payload) = self.get(kind, &digest) else { continue };
+            n_bytes += payload.len();
+            records.push((kind, digest, payload));
+            generations.push(place.generation);
+            if n_bytes > REWRITE_BATCH {
+                self.append_as(&records, &generations)?;
+                (records, generations, n_bytes) = (Vec::new(), Vec::new(), 0);
             }
         }
-        self.new_segment()?;
-        self.append(&records)?;
-        for path in old {
-            fs::remove_file(&path).map_err(StoreError::new("remove", &path))?;
+        self.append_as(&records, &generations)?;
+        for (index, _lock) in free {
+            let path = &self.segments[index].path;
+            self.disk.remove(path).map_err(StoreError::new("remove", path))?;
         }
         Ok(())
+    }
+
+    /// The segments that no running process appends to, with their locks.
+    fn free_segments(&self) -> Vec<(usize, File)> {
+        let lock = |(index, segment): (usize, &Segment)| {
+            let file = self.disk.open_to_write(&segment.path).ok()?;
+            let is_free = self.disk.try_lock(&file, &segment.path).ok()?;
+            (is_free && is_at(&file, &segment.path)).then_some((index, file))
+        };
+        self.segments.iter().enumerate().filter_map(lock).collect()
+    }
+
+    /// Tells which records lie in segments that running processes append to.
+    pub fn held(&self) -> impl Fn(RecordKind, &Digest) -> bool + '_ {
+        let free: Vec<u32> = self.free_segments().iter().map(|it| it.0 as u32).collect();
+        move |kind, digest| {
+            self.index.get(&(kind, *digest)).is_some_and(|it| !free.contains(&it.segment))
+        }
     }
 
     /// The paths of all segments.
@@ -287,11 +438,17 @@ fn check_of(bytes: &[u8]) -> u64 {
 }
 
 /// Appends a record's header and returns the payload's check.
-fn write_header(buffer: &mut Vec<u8>, kind: RecordKind, digest: &Digest, payload: &[u8]) -> u64 {
+fn write_header(
+    buffer: &mut Vec<u8>,
+    kind: RecordKind,
+    generation: u32,
+    digest: &Digest,
+    payload: &[u8],
+) -> u64 {
     let start = buffer.len();
     let check = check_of(payload);
     buffer.extend_from_slice(&(payload.len() as u32).to_le_bytes());
-    buffer.extend_from_slice(&[kind as u8, 0, 0, 0]);
+    buffer.extend_from_slice(&(u32::from(kind as u8) | generation << 8).to_le_bytes());
     buffer.extend_from_slice(&digest.0);
     buffer.extend_from_slice(&check.to_le_bytes());
     let header_check = check_of(&buffer[start..]);
@@ -299,21 +456,45 @@ fn write_header(buffer: &mut Vec<u8>, kind: RecordKind, digest: &Digest, payload
     check
 }
 
-/// The header of a whole record: its kind (if this version knows it), digest, payload check, length.
-fn read_header(map: &[u8], at: u64) -> Option<(Option<RecordKind>, Digest, u64, u32)> {
+struct Header {
+    /// `None` if this version does not know it.
+    kind: Option<RecordKind>,
+    generation: u32,
+    digest: Digest,
+    check: u64,
+    length: u32,
+}
+
+/// The header of a whole record.
+fn read_header(map: &[u8], at: u64) -> Option<Header> {
     let at = usize::try_from(at).ok()?;
     let header = map.get(at..at + HEADER)?;
     let number = |range: std::ops::Range<usize>| {
         u64::from_le_bytes(header[range].try_into().expect("eight bytes"))
     };
+    let length = u32::from_le_bytes(header[..4].try_into().expect("four bytes"));
+    map.get(at + HEADER..at + HEADER + length as usize)?;
     if number(48..56) != check_of(&header[..48]) {
         return None;
     }
-    let length = u32::from_le_bytes(header[..4].try_into().expect("four bytes"));
-    map.get(at + HEADER..at + HEADER + length as usize)?;
-    let kind = RecordKind::ALL.into_iter().find(|&it| it as u8 == header[4]);
-    let digest = Digest(header[8..40].try_into().expect("a digest has 32 bytes"));
-    Some((kind, digest, number(40..48), length))
+    let word = u32::from_le_bytes(header[4..8].try_into().expect("four bytes"));
+    Some(Header {
+        kind: RecordKind::ALL.into_iter().find(|&it| it as u8 == word as u8),
+        generation: word >> 8,
+        digest: Digest(header[8..40].try_into().expect("a digest has 32 bytes")),
+        check: number(40..48),
+        length,
+    })
+}
+
+/// Where the next whole record begins behind bytes that are none.
+fn next_record(map: &[u8], at: u64) -> Option<u64> {
+    let ends = (map.len() as u64).saturating_sub(HEADER as u64);
+    (at + 8..=ends).step_by(8).find(|&it| {
+        // Most bytes are ruled out by the kind, before their check is computed.
+        let kind = map[it as usize + 4];
+        RecordKind::ALL.iter().any(|it| *it as u8 == kind) && read_header(map, it).is_some()
+    })
 }
 
 /// Digests are already spread evenly: their first bytes are their hash.

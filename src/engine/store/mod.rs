@@ -3,11 +3,13 @@
 //! ```text
 //! cache/
 //!   CACHEDIR.TAG
-//!   lock             shared by every user of the store; `gc` takes it alone
+//!   lock             the gate: shared while somebody plans or writes; `gc` takes it alone
 //!   claims           byte ranges of this file are locked while a key is being computed
 //!   log/*.log        append-only segments: entries, small objects, digests of files …
 //!   objects/ab/…     one file an object that is too large for the log
 //!   runs/*.jsonl     run records
+//!   uses/*           what running runs rely on
+//!   pins/*           what `gc` must keep
 //! ```
 //!
 //! Nothing is ever changed in place. An object is there before the entry that names it. A writer
@@ -15,13 +17,17 @@
 //! the last of a segment: readers stop before it and the next writer cuts it off.
 
 mod claims;
+pub mod disk;
+mod gate;
 pub mod gc;
 mod log;
 mod objects;
+pub mod pins;
+mod uses;
 
 use std::{
     collections::HashSet,
-    fs::{self, File},
+    fs::File,
     io,
     path::{Path, PathBuf},
     sync::{Arc, Mutex},
@@ -32,10 +38,17 @@ use serde::{Deserialize, Serialize};
 
 pub use claims::Claim;
 use claims::Claims;
+use disk::Disk;
+use gate::{Gate, Pass};
 use log::{Log, RecordKind};
 pub use objects::{Bytes, ObjectError};
 
-use super::{artifact::ArtifactType, digest::Digest};
+use uses::Uses;
+
+use super::{
+    artifact::{ArtifactType, digest_of},
+    digest::Digest,
+};
 
 /// What is stored under a key.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -111,12 +124,19 @@ pub enum Access {
 pub struct Store {
     dir: PathBuf,
     access: Access,
+    disk: Disk,
     log: Mutex<Log>,
     claims: Option<Arc<Claims>>,
+    /// None for a store that is only read.
+    gate: Option<Arc<Gate>>,
+    /// Held from the opening until a run has planned, so that nothing it has seen is removed.
+    planning: Mutex<Option<Pass>>,
+    /// What the run relies on that is going on, noted down for housekeeping.
+    uses: Mutex<Option<Uses>>,
     /// Objects that were found damaged while the store was open.
     damaged: Mutex<HashSet<Digest>>,
-    /// Held, shared, as long as the store is open.
-    _lock: Option<File>,
+    /// The same of large objects, for people.
+    damage: Mutex<Vec<String>>,
 }
 
 /// Objects up to this size live in the log: a file of their own would cost more than they do.
@@ -131,39 +151,72 @@ impl Store {
     /// # Errors
     /// If the folder cannot be made, read, or (unless read-only) written.
     pub fn open(dir: &Path, access: Access) -> Result<Self, StoreError> {
+        Self::open_on(&Disk::default(), dir, access)
+    }
+
+    /// Opens a store on a disk that may fail.
+    ///
+    /// # Errors
+    /// As [`Store::open`].
+    pub fn open_on(disk: &Disk, dir: &Path, access: Access) -> Result<Self, StoreError> {
+        let (mut gate, mut claims, mut planning) = (None, None, None);
         if access == Access::ReadWrite {
-            for folder in ["log", "objects", "runs"] {
-                let path = dir.join(folder);
-                fs::create_dir_all(&path).map_err(StoreError::new("make the folder", &path))?;
-            }
-            let tag = dir.join("CACHEDIR.TAG");
-            if !tag.exists() {
-                fs::write(&tag, CACHEDIR_TAG).map_err(StoreError::new("write", &tag))?;
-            }
+            make_folders(disk, dir)?;
+            let open = Gate::open(disk, &dir.join("lock"))?;
+            planning = Some(open.enter()?);
+            gate = Some(open);
+            let path = dir.join("claims");
+            let file = disk.open_or_create(&path).map_err(StoreError::new("write", &path))?;
+            claims = Some(Arc::new(Claims::new(file)));
         }
-        let (lock, claims) = match access {
-            Access::ReadOnly => (None, None),
-            Access::ReadWrite => {
-                let lock = open_lock_file(&dir.join("lock"))?;
-                let path = dir.join("lock");
-                lock.lock_shared().map_err(StoreError::new("lock", &path))?;
-                let claims = Claims::new(open_lock_file(&dir.join("claims"))?);
-                (Some(lock), Some(Arc::new(claims)))
-            }
-        };
-        let log = Log::open(&dir.join("log"))?;
+        let log = Log::open(disk, &dir.join("log"))?;
         Ok(Self {
             dir: dir.to_owned(),
             access,
+            disk: disk.clone(),
             log: Mutex::new(log),
             claims,
+            gate,
+            planning: Mutex::new(planning),
+            uses: Mutex::default(),
             damaged: Mutex::default(),
-            _lock: lock,
+            damage: Mutex::default(),
         })
+    }
+
+    /// Lets housekeeping work beside a run that has planned. It keeps what the run relies on, if
+    /// there is something left to do: these keys, and what it will store under its name.
+    pub fn planned(&self, run: &str, relies_on: Option<&[Digest]>) {
+        if self.access == Access::ReadWrite
+            && let Some(keys) = relies_on
+        {
+            match Uses::note(&self.disk, &self.dir, run, keys) {
+                Ok(uses) => *self.uses.lock().expect("nobody panics while it is held") = Some(uses),
+                Err(error) => tracing::debug!(%error, "housekeeping does not know of this run"),
+            }
+        }
+        *self.planning.lock().expect("nobody panics while it is held") = None;
+    }
+
+    /// A run has ended: housekeeping may remove what it relied on.
+    pub fn ended(&self) {
+        *self.uses.lock().expect("nobody panics while it is held") = None;
+    }
+
+    /// What was found damaged since this was asked last, with its place; it is made again when it
+    /// is needed.
+    pub fn take_damage(&self) -> Vec<String> {
+        let mut res = self.log().take_damage();
+        res.append(&mut self.damage.lock().expect("nobody panics while it is held"));
+        res
     }
 
     pub fn dir(&self) -> &Path {
         &self.dir
+    }
+
+    pub fn disk(&self) -> &Disk {
+        &self.disk
     }
 
     pub fn access(&self) -> Access {
@@ -212,18 +265,21 @@ impl Store {
 
     fn read_object(&self, ty: ArtifactType, digest: &Digest) -> Result<Bytes, ObjectError> {
         let mut log = self.log();
-        if !log.has(RecordKind::Object, digest) {
-            drop(log);
-            return objects::read(&self.dir, self.access, ty, digest);
-        }
-        let bytes = log.get(RecordKind::Object, digest);
-        match bytes.filter(|it| super::artifact::digest_of(ty, it) == *digest) {
-            Some(bytes) => Ok(Bytes::Owned(bytes)),
-            None => {
-                log.forget(RecordKind::Object, digest);
-                Err(ObjectError::Damaged { path: self.dir.join("log"), digest: *digest })
+        if log.has(RecordKind::Object, digest) {
+            let bytes = log.get(RecordKind::Object, digest);
+            if let Some(bytes) = bytes.filter(|it| digest_of(ty, it) == *digest) {
+                return Ok(Bytes::Owned(bytes));
             }
+            log.forget(RecordKind::Object, digest);
+            return Err(ObjectError::Damaged { path: self.dir.join("log"), digest: *digest });
         }
+        drop(log);
+        let res = objects::read(&self.disk, &self.dir, self.access, ty, digest);
+        if let Err(error @ (ObjectError::Damaged { .. } | ObjectError::Unreadable { .. })) = &res {
+            let mut damage = self.damage.lock().expect("nobody panics while it is held");
+            damage.push(error.to_string());
+        }
+        res
     }
 
     /// Whether an object was found damaged and set aside, by this process or an earlier one.
@@ -245,11 +301,13 @@ impl Store {
         if self.access == Access::ReadOnly {
             return Ok(());
         }
+        // Between the writing of an object and that of its entry, nobody may think it is garbage.
+        let _pass = self.enter()?;
         let mut records = Vec::new();
         for NewEntry { key, entry, objects } in batch {
             for (digest, bytes) in objects {
                 if bytes.len() > SMALL_OBJECT {
-                    objects::write(&self.dir, &digest, &bytes)?;
+                    objects::write(&self.disk, &self.dir, &digest, &bytes)?;
                 } else if !self.log().has(RecordKind::Object, &digest) {
                     records.push((RecordKind::Object, digest, bytes));
                 }
@@ -269,7 +327,12 @@ impl Store {
         }
         let records: Vec<_> =
             notes.into_iter().map(|(note, digest, bytes)| (note.record(), digest, bytes)).collect();
+        let _pass = self.enter()?;
         self.log().append(&records)
+    }
+
+    fn enter(&self) -> Result<Option<Pass>, StoreError> {
+        self.gate.as_ref().map(Gate::enter).transpose()
     }
 
     /// A remembered fact.
@@ -286,6 +349,7 @@ impl Store {
             None => Ok(Some(Claim::none())),
             Some(claims) => {
                 let path = self.dir.join("claims");
+                self.disk.may_claim(&path).map_err(StoreError::new("lock", &path))?;
                 Claim::take(claims, key).map_err(StoreError::new("lock", &path))
             }
         }
@@ -323,14 +387,16 @@ impl Note {
     }
 }
 
-fn open_lock_file(path: &Path) -> Result<File, StoreError> {
-    File::options()
-        .read(true)
-        .write(true)
-        .create(true)
-        .truncate(false)
-        .open(path)
-        .map_err(StoreError::new("write", path))
+fn make_folders(disk: &Disk, dir: &Path) -> Result<(), StoreError> {
+    for folder in ["log", "objects", "runs"] {
+        let path = dir.join(folder);
+        disk.make_folder(&path).map_err(StoreError::new("make the folder", &path))?;
+    }
+    let tag = dir.join("CACHEDIR.TAG");
+    if !tag.exists() {
+        disk.write_whole(&tag, CACHEDIR_TAG.as_bytes()).map_err(StoreError::new("write", &tag))?;
+    }
+    Ok(())
 }
 
 /// Seconds since 1970.

@@ -1,16 +1,14 @@
 //! Large objects: one file each, named by its digest.
 
 use std::{
-    fs::{self, File},
-    io::{self, Write},
+    fs, io,
     ops::Deref,
-    os::unix::fs::PermissionsExt,
     path::{Path, PathBuf},
 };
 
 use memmap2::Mmap;
 
-use super::{Access, StoreError};
+use super::{Access, StoreError, disk::Disk};
 use crate::engine::{
     artifact::{ArtifactType, digest_of},
     digest::Digest,
@@ -52,13 +50,14 @@ pub fn path(store: &Path, digest: &Digest) -> PathBuf {
 
 /// Reads an object; a damaged one is set aside unless the store is only read.
 pub fn read(
+    disk: &Disk,
     store: &Path,
     access: Access,
     ty: ArtifactType,
     digest: &Digest,
 ) -> Result<Bytes, ObjectError> {
     let path = path(store, digest);
-    let file = match File::open(&path) {
+    let file = match disk.open(&path) {
         Ok(file) => file,
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             return Err(ObjectError::Missing { digest: *digest });
@@ -66,7 +65,7 @@ pub fn read(
         Err(error) => return Err(ObjectError::Unreadable { path, error }),
     };
     // SAFETY: objects are never changed after the rename that brought them here.
-    let bytes = match unsafe { Mmap::map(&file) } {
+    let bytes = match unsafe { disk.map(&file, &path) } {
         Ok(map) => Bytes::Mapped(map),
         Err(error) => return Err(ObjectError::Unreadable { path, error }),
     };
@@ -75,27 +74,18 @@ pub fn read(
     }
     // Out of the way, so that the next writer finds its place free; kept, so that it can be studied.
     if access == Access::ReadWrite {
-        let _ = fs::rename(&path, path.with_extension("damaged"));
+        let _ = disk.rename(&path, &path.with_extension("damaged"));
     }
     Err(ObjectError::Damaged { path, digest: *digest })
 }
 
-/// Writes an object through a temporary file, unless it is there already.
-pub fn write(store: &Path, digest: &Digest, bytes: &[u8]) -> Result<(), StoreError> {
+/// Writes an object, unless it is there already.
+pub fn write(disk: &Disk, store: &Path, digest: &Digest, bytes: &[u8]) -> Result<(), StoreError> {
     let path = path(store, digest);
     if fs::metadata(&path).is_ok_and(|it| it.len() == bytes.len() as u64) {
         return Ok(());
     }
     let folder = path.parent().expect("an object lies in a folder");
-    fs::create_dir_all(folder).map_err(StoreError::new("make the folder", folder))?;
-    let fail = |error| StoreError::new("write", &path)(error);
-    // As readable as any other file: stores are shared.
-    let mut file = tempfile::Builder::new()
-        .prefix(".tmp-")
-        .permissions(fs::Permissions::from_mode(0o666))
-        .tempfile_in(folder)
-        .map_err(fail)?;
-    file.write_all(bytes).map_err(fail)?;
-    file.persist(&path).map_err(|e| StoreError::new("write", &path)(e.error))?;
-    Ok(())
+    disk.make_folder(folder).map_err(StoreError::new("make the folder", folder))?;
+    disk.write_whole(&path, bytes).map_err(StoreError::new("write", &path))
 }

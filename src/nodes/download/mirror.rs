@@ -3,7 +3,7 @@
 use std::{
     collections::BTreeMap,
     fs,
-    path::{Path, PathBuf},
+    path::{Component, Path, PathBuf},
     sync::OnceLock,
 };
 
@@ -59,7 +59,13 @@ fn index_of(folder: &Path) -> Index {
         return index;
     };
     let digest = |it: &Entry| blake3::Hash::from_hex(it.blake3.as_ref()?).ok();
-    entries.iter().filter_map(|it| Some((*digest(it)?.as_bytes(), folder.join(&it.path)))).collect()
+    // A mirror is a folder: its manifest names nothing outside of it.
+    let is_inside = |it: &&Entry| it.path.components().all(|it| matches!(it, Component::Normal(_)));
+    entries
+        .iter()
+        .filter(is_inside)
+        .filter_map(|it| Some((*digest(it)?.as_bytes(), folder.join(&it.path))))
+        .collect()
 }
 
 fn hash_all(folder: &Path, index: &mut Index) {
@@ -94,6 +100,11 @@ mod tests {
         assert!(matches!(find(), Found::Bytes(it) if it == b"hello"));
         fs::write(folder.path().join("sub/a.txt"), "other").unwrap();
         assert!(matches!(find(), Found::Stale(_)));
+        for outside in ["../a.txt", "/a.txt"] {
+            let line = format!(r#"[{{ "path": "{outside}", "blake3": "{digest}" }}]"#);
+            fs::write(&manifest, line).unwrap();
+            assert!(matches!(find(), Found::Nothing));
+        }
         fs::write(&manifest, "[]").unwrap();
         assert!(matches!(find(), Found::Nothing));
     }

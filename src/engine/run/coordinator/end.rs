@@ -48,13 +48,15 @@ impl<'a> Coordinator<'a> {
     /// Drops artifacts that are stored as long as memory is above the budget.
     pub(super) fn relieve_memory(&mut self) {
         let budget = self.context.options.memory;
-        if self.live_bytes <= budget {
+        let others = self.bytes_in_use() - self.live_bytes;
+        if self.live_bytes + others <= budget {
             return;
         }
-        for slot in self.slots.iter_mut().filter(|it| it.stored) {
+        // What could not be read once stays in memory: it would be lost and made again for ever.
+        for slot in self.slots.iter_mut().filter(|it| it.stored && !it.was_lost) {
             self.live_bytes -= slot.live_bytes();
             slot.live.clear();
-            if self.live_bytes <= budget {
+            if self.live_bytes + others <= budget {
                 return;
             }
         }

@@ -62,6 +62,12 @@ pub struct Coordinator<'a> {
     running: usize,
     /// Bytes of artifacts in memory.
     live_bytes: u64,
+    /// Bytes that running jobs will need beside these.
+    reserved_bytes: u64,
+    /// Bytes that wait to be written to the store.
+    pending_bytes: u64,
+    /// The most bytes that an instance of a kind has given in this run.
+    largest_outputs: HashMap<&'static str, u64>,
     pools: HashMap<usize, Vec<Arc<ThreadPool>>>,
     /// Planning is over: a stored result is found because something ran.
     planned: bool,
@@ -116,6 +122,9 @@ impl<'a> Coordinator<'a> {
             free_threads: options.threads.max(1),
             running: 0,
             live_bytes: 0,
+            reserved_bytes: 0,
+            pending_bytes: 0,
+            largest_outputs: HashMap::new(),
             pools: HashMap::new(),
             planned: false,
             stopping: false,
@@ -144,6 +153,8 @@ impl<'a> Coordinator<'a> {
             self.finish();
         });
         self.remember();
+        self.tell_damage();
+        self.context.store.ended();
         let outcome = |it: &mut super::slots::Slot| it.outcome.take();
         RunReport {
             outcomes: self
@@ -177,6 +188,25 @@ impl<'a> Coordinator<'a> {
         let n_wanted = self.order.len() - count(|it| *it == Outcome::NotWanted);
         let n_cached = count(|it| *it == Outcome::Cached);
         self.emit(&Event::Planned { n_wanted, n_cached });
+        self.open_gate();
+        self.tell_damage();
+    }
+
+    /// Housekeeping may go on now; if there is something to do, it must keep what is relied on.
+    fn open_gate(&mut self) {
+        let is_idle = self.ready.len() == 0 && self.ready_exports.is_empty();
+        let cached = |it: &&super::slots::Slot| it.outcome == Some(Outcome::Cached);
+        let key = |it: &super::slots::Slot| it.key.as_ref().map(|it| it.0);
+        let keys = || self.slots.iter().filter(cached).filter_map(key).collect();
+        let relies_on: Option<Vec<Digest>> = (!is_idle).then(keys);
+        self.context.store.planned(&self.context.options.run_id, relies_on.as_deref());
+    }
+
+    /// Tells the user what was found damaged in the store since this was asked last.
+    fn tell_damage(&mut self) {
+        for text in self.context.store.take_damage() {
+            self.emit(&Event::Warning { text: &text });
+        }
     }
 
     fn emit(&mut self, event: &Event<'_>) {

@@ -56,8 +56,10 @@ impl<'a> Coordinator<'a> {
         match result {
             JobResult::Exported(outcome) => self.end_export(rule, outcome),
             JobResult::Lost { from, error } => {
-                tracing::warn!(%error, "an output's artifact is made again");
+                tracing::info!(%error, "an output's artifact is made again");
+                self.tell_damage();
                 self.slots[from.instance].stored = false;
+                self.slots[from.instance].was_lost = true;
                 self.plan_export(rule);
             }
             JobResult::Ran { .. } | JobResult::Failed { .. } | JobResult::Stopped => {

@@ -35,7 +35,9 @@ impl<'a> Coordinator<'a> {
         if !self.resolvable.is_empty() {
             return true;
         }
-        let busy = self.queues.as_ref().is_some_and(|it| it.n_jobs > 0);
+        let waits_for_writer =
+            self.pending_bytes > 0 && self.ready.peek().is_some() && !self.stopping;
+        let busy = self.queues.as_ref().is_some_and(|it| it.n_jobs > 0) || waits_for_writer;
         let waits = !self.claimed.is_empty() || self.n_backoff > 0;
         if !busy && (self.stopping || !waits) {
             return false;
@@ -81,6 +83,7 @@ impl<'a> Coordinator<'a> {
             Message::Ran { instance, loaded, result } => {
                 self.job_ended(self.slots[instance].threads);
                 self.running -= 1;
+                self.reserved_bytes -= std::mem::take(&mut self.slots[instance].reserved);
                 self.keep_loaded(loaded);
                 self.node_ended(instance, result);
             }
@@ -92,6 +95,7 @@ impl<'a> Coordinator<'a> {
             Message::Stored { instances } => {
                 for index in instances {
                     self.slots[index].stored = true;
+                    self.pending_bytes -= std::mem::take(&mut self.slots[index].pending);
                 }
                 self.relieve_memory();
             }
@@ -130,9 +134,11 @@ impl<'a> Coordinator<'a> {
             JobResult::Failed { failure, wall } => self.try_failed(index, failure, wall),
             JobResult::Stopped => self.killed(index),
             JobResult::Lost { from, error } => {
-                tracing::warn!(%error, "an input is made again");
+                tracing::info!(%error, "an input is made again");
+                self.tell_damage();
                 self.slots[index].claim = None;
                 self.slots[from.instance].stored = false;
+                self.slots[from.instance].was_lost = true;
                 self.prepare(index);
             }
             JobResult::Exported(_) => unreachable!("a node's job exports nothing"),
@@ -195,6 +201,12 @@ impl<'a> Coordinator<'a> {
         if self.context.store.access() == Access::ReadOnly {
             return;
         }
+        let n_bytes = objects.iter().map(|it| it.1.len() as u64).sum::<u64>();
+        self.slots[index].pending += n_bytes;
+        self.pending_bytes += n_bytes;
+        let kind = self.context.graph.instances[index].kind.spec.kind;
+        let largest = self.largest_outputs.entry(kind).or_default();
+        *largest = n_bytes.max(*largest);
         let (key, text) = self.slots[index].key.as_ref().expect("what ran has a key");
         let list = outputs.artifacts.iter().map(|(port, info)| EntryOutput {
             port: (*port).to_owned(),

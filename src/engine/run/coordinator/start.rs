@@ -35,17 +35,25 @@ impl<'a> Coordinator<'a> {
         'a: 'scope,
     {
         self.resolve();
-        while !self.stopping && self.free_threads > 0 {
-            let job = match self.ready_exports.pop_front() {
-                Some(rule) => self.export_job(rule),
+        while self.free_threads > 0 {
+            // When the store refuses, what is there is still written for the user.
+            let may_export = !self.stopping || self.store_error.is_some();
+            let job = match self.ready_exports.front().copied().filter(|_| may_export) {
+                Some(rule) => {
+                    self.ready_exports.pop_front();
+                    self.export_job(rule)
+                }
+                None if self.stopping => None,
                 None => self.next_run(),
             };
-            match job {
-                Some(job) => self.send(job, scope, context),
-                // Looking for a node to run may have found results of others, and files to write.
-                None if self.ready_exports.is_empty() => break,
-                None => {}
-            }
+            let Some(job) = job else {
+                // A result that another process has stored may have brought exports.
+                if may_export && !self.ready_exports.is_empty() {
+                    continue;
+                }
+                break;
+            };
+            self.send(job, scope, context);
         }
     }
 
@@ -71,7 +79,8 @@ impl<'a> Coordinator<'a> {
     /// The next job to run a node, if one is ready, fits into memory, and can be claimed.
     pub(super) fn next_run(&mut self) -> Option<Job> {
         while let Some(index) = self.ready.peek() {
-            if self.running > 0 && !self.fits(index) {
+            // One job at least goes on, whatever it needs, when there is nothing to wait for.
+            if (self.running > 0 || self.pending_bytes > 0) && !self.fits(index) {
                 return None;
             }
             self.ready.pop();
@@ -85,15 +94,29 @@ impl<'a> Coordinator<'a> {
         None
     }
 
-    /// Whether an instance's inputs and (as far as is known) outputs fit into the memory budget.
+    /// Whether an instance's inputs and outputs fit into the memory budget.
     pub(super) fn fits(&self, index: NodeIndex) -> bool {
+        self.bytes_in_use() + self.bytes_needed(index) <= self.context.options.memory
+    }
+
+    pub(super) fn bytes_in_use(&self) -> u64 {
+        self.live_bytes + self.reserved_bytes + self.pending_bytes
+    }
+
+    /// What a job needs beside what is in memory: inputs that it reads, the largest of them twice
+    /// (stored and decoded), and its outputs as values and as stored. How large these will be is
+    /// guessed from others of its kind.
+    fn bytes_needed(&self, index: NodeIndex) -> u64 {
         let to_load = self.input_refs(index).into_iter().filter_map(|from| {
             let slot = &self.slots[from.instance];
             let in_memory = slot.live.contains_key(from.port);
             let info = slot.outputs.as_ref()?.artifacts.get(from.port)?;
             (!in_memory).then_some(info.bytes)
         });
-        self.live_bytes + to_load.sum::<u64>() <= self.context.options.memory
+        let (sum, largest) = to_load.fold((0, 0), |(sum, max), it| (sum + it, it.max(max)));
+        let kind = self.context.graph.instances[index].kind.spec.kind;
+        let outputs = self.largest_outputs.get(kind).copied().unwrap_or(0);
+        sum + largest + 2 * outputs
     }
 
     /// Claims a key, unless another process has it or has just stored its result.
@@ -168,6 +191,9 @@ impl<'a> Coordinator<'a> {
         let cancel = self.canceller.token();
         self.free_threads -= threads;
         self.running += 1;
+        let needed = self.bytes_needed(index);
+        self.reserved_bytes += needed;
+        self.slots[index].reserved = needed;
         let slot = &mut self.slots[index];
         slot.work = Work::Running;
         slot.threads = threads;

@@ -9,8 +9,9 @@ use gltf::{
 use super::FORMAT;
 use crate::kernels::io::error::ReadError;
 
-/// Without a buffer view an accessor is all zeros; more of them than this are a damaged file.
-const MAX_ZEROS: usize = 1 << 24;
+/// Without a buffer view an accessor is all zeros; more rows than this, and than the file's data has
+/// bytes, are a damaged file.
+const MAX_ZEROS: usize = 1 << 16;
 
 /// All numbers of an accessor, row by row; normalized integers become fractions.
 pub fn floats(
@@ -33,7 +34,9 @@ pub fn floats(
             rows.flat_map(|row| row.chunks_exact(scalar.size()).map(|it| number(it, scalar)))
                 .collect()
         }
-        None if count <= MAX_ZEROS => vec![0.0; count * n_components],
+        None if count <= buffers.iter().map(Vec::len).sum::<usize>().max(MAX_ZEROS) => {
+            vec![0.0; count * n_components]
+        }
         None => return Err(fail(format!("{count} rows without data"))),
     };
     if let Some(sparse) = accessor.sparse() {

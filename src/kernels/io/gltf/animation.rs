@@ -22,8 +22,9 @@ use crate::kernels::{
     mesh::Vec3,
 };
 
-/// More frames than this are a damaged file (ten hours at 30 frames a second).
-const MAX_FRAMES: f64 = 1e6;
+/// More frames than this, and a thousand for every key, are a damaged file (an hour between two keys
+/// at 30 frames a second).
+const MAX_FRAMES: usize = 108_000;
 
 /// Every animation that moves a joint or an ancestor of one.
 ///
@@ -78,7 +79,8 @@ fn sample(
     let end = tracks.iter().map(|it| it.times[it.times.len() - 1]).fold(start, f64::max);
     // Times are stored in single precision: a last frame that is just missed still counts.
     let n_steps = ((end - start) * frames_per_second + 1e-3).floor();
-    if n_steps > MAX_FRAMES {
+    let n_keys: usize = tracks.iter().map(|it| it.times.len()).sum();
+    if n_steps > (MAX_FRAMES + 1000 * n_keys) as f64 {
         let what = format!("animation `{name}` lasts {} s", end - start);
         return Err(ReadError::content(FORMAT, what));
     }

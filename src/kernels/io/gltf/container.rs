@@ -7,7 +7,10 @@ use gltf::{
 };
 
 use super::FORMAT;
-use crate::kernels::io::{error::ReadError, uri::percent_decoded};
+use crate::kernels::{
+    files::check_relative,
+    io::{error::ReadError, uri::percent_decoded},
+};
 
 /// Opens a `.glb` or `.gltf`.
 pub fn open(
@@ -28,8 +31,11 @@ pub fn open(
                 Some((_, data)) if uri.starts_with("data:") => {
                     base64(data).ok_or_else(|| fail("the data is no base64".to_owned()))?
                 }
-                _ => side_file(&file_name(uri))
-                    .ok_or_else(|| fail(format!("cannot find `{uri}`")))?,
+                _ => {
+                    let name = file_name(uri);
+                    check_relative(&name).map_err(fail)?;
+                    side_file(&name).ok_or_else(|| fail(format!("cannot find `{uri}`")))?
+                }
             },
         };
         if data.len() < buffer.length() {
@@ -41,7 +47,8 @@ pub fn open(
     Ok((document, buffers))
 }
 
-/// The files that a `.gltf` names, in order; none if the file cannot be read.
+/// The files that a `.gltf` names, in order; none if the file cannot be read. Those that would lie
+/// outside of its folder are left out, and [`open`] refuses them.
 pub fn external_buffers(bytes: &[u8]) -> Vec<String> {
     let Some(document) = chunks(bytes).ok().and_then(|it| parse(it.0).ok()) else {
         return Vec::new();
@@ -52,6 +59,7 @@ pub fn external_buffers(bytes: &[u8]) -> Vec<String> {
             Source::Uri(uri) if !uri.starts_with("data:") => Some(file_name(uri)),
             _ => None,
         })
+        .filter(|it| check_relative(it).is_ok())
         .collect()
 }
 
