@@ -14,6 +14,7 @@ mod laplacian;
 mod load;
 mod make_body;
 mod normalize;
+mod point_cloud;
 mod regressor;
 mod rig;
 mod snapshot;
@@ -39,6 +40,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<load::Load>(),
     NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<normalize::Normalize>(),
+    NodeKind::of::<point_cloud::PointCloud>(),
     NodeKind::of::<regressor::RegressorNode>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<snapshot::Snapshot>(),

@@ -17,6 +17,7 @@ pub mod read;
 pub mod stl;
 pub mod table_text;
 pub mod uri;
+pub mod xyz;
 pub mod zip;
 
 #[cfg(test)]
