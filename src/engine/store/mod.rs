@@ -27,7 +27,6 @@ mod uses;
 
 use std::{
     collections::HashSet,
-    fs::File,
     io,
     path::{Path, PathBuf},
     sync::{Arc, Mutex},
