@@ -1,11 +1,10 @@
 //! The worker process: runs one node that its parent describes.
 
 use std::{
-    collections::{BTreeMap, HashMap},
+    collections::BTreeMap,
     fs::File,
     io::{self, BufRead, BufReader, Read, Write},
     os::fd::{AsRawFd, FromRawFd},
-    path::PathBuf,
     sync::{
         Arc, Mutex,
         atomic::{AtomicBool, Ordering},
@@ -15,13 +14,12 @@ use std::{
 
 use memmap2::Mmap;
 
-use super::{ArtifactFile, Job, JobPort, Line, Ports, memory_file};
+use super::{ArtifactFile, Job, Line, memory_file};
 use crate::engine::{
-    artifact::{ANY, AnyArtifact},
-    digest::Digest,
+    artifact::AnyArtifact,
     graph::{InputLabels, Labels},
     library::Library,
-    node::{NodeError, NodeIo, NodeKind, NodeOutputs, Port, PortInputs, Spec, Surroundings},
+    node::{AnyNode, NodeError, NodeIo, NodeOutputs, PortInputs, Surroundings},
     run::guard,
 };
 
@@ -63,13 +61,8 @@ fn last_line(library: &Library, job: Job, lines: &Lines) -> (Line, Vec<File>) {
 fn run(library: &Library, job: Job, lines: &Lines) -> Result<NodeOutputs, NodeError> {
     let kind = library.kind(&job.kind).expect("parent and worker have the same kinds");
     let node = (kind.parse)(job.params).expect("the parent's parameters are checked");
-    let spec = spec(library, kind, &job.ports);
-    let inputs = read_inputs(library, spec, &job.inputs)?;
-    let labels = read_labels(spec, &job.labels);
-    let files = job.inputs.values().flatten().flatten();
-    let files: HashMap<Digest, PathBuf> =
-        files.filter_map(|it| Some((it.digest?, it.path.clone()))).collect();
-    let stored_file = |digest: &Digest| files.get(digest).cloned();
+    let inputs = read_inputs(library, &*node, &job.inputs)?;
+    let labels = read_labels(&*node, &job.labels);
     let surroundings = Surroundings { mirrors: job.mirrors, offline: job.offline, isolated: true };
     let progress = |fraction, text: &str| {
         // A parent that does not listen is dead, and this process soon as well.
@@ -78,42 +71,19 @@ fn run(library: &Library, job: Job, lines: &Lines) -> Result<NodeOutputs, NodeEr
     let pool = if job.threads > 1 { guard::pool(job.threads) } else { guard::own_pool() };
     limit_memory(job.memory)?;
     pool.install(|| {
-        let mut io = NodeIo::new(spec, inputs, labels, job.files, &surroundings, &progress)
-            .with_stored_files(&stored_file);
+        let mut io = NodeIo::new(node.spec(), inputs, labels, job.files, &surroundings, &progress);
         node.run(&mut io)?;
         Ok(io.finish())
     })
 }
 
-/// The declaration of the kind; of an open one with the ports that the pipeline declares.
-fn spec(library: &Library, kind: &NodeKind, ports: &Ports<Vec<JobPort>>) -> &'static Spec {
-    // This process has one job, so what is leaked is leaked once.
-    let leak = |ports: &[JobPort]| -> &'static [Port] {
-        let port = |it: &JobPort| Port {
-            name: it.name.clone().leak(),
-            doc: "",
-            ty: library.artifact_kind(&it.ty).map_or(ANY, |it| it.ty),
-            arity: it.arity,
-            labelled: false,
-            aside: false,
-        };
-        Vec::leak(ports.iter().map(port).collect())
-    };
-    let spec = if kind.open {
-        Spec { inputs: leak(&ports.inputs), outputs: leak(&ports.outputs), ..kind.spec }
-    } else {
-        kind.spec
-    };
-    Box::leak(Box::new(spec))
-}
-
 fn read_inputs(
     library: &Library,
-    spec: &Spec,
+    node: &dyn AnyNode,
     inputs: &BTreeMap<String, Vec<Result<ArtifactFile, String>>>,
 ) -> Result<BTreeMap<&'static str, PortInputs>, NodeError> {
     let mut res = BTreeMap::new();
-    for port in spec.inputs {
+    for port in node.spec().inputs {
         let mut list = PortInputs::new();
         for input in inputs.get(port.name).into_iter().flatten() {
             list.push(match input {
@@ -126,11 +96,14 @@ fn read_inputs(
     Ok(res)
 }
 
-fn read_labels(spec: &Spec, labels: &BTreeMap<String, Vec<Vec<(String, String)>>>) -> InputLabels {
+fn read_labels(
+    node: &dyn AnyNode,
+    labels: &BTreeMap<String, Vec<Vec<(String, String)>>>,
+) -> InputLabels {
     let read = |it: &Vec<(String, String)>| -> Labels {
         it.iter().map(|(axis, item)| (axis.as_str().into(), item.as_str().into())).collect()
     };
-    let ports = spec.inputs.iter();
+    let ports = node.spec().inputs.iter();
     ports
         .filter_map(|it| Some((it.name, labels.get(it.name)?.iter().map(read).collect())))
         .collect()

@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 pub use child::serve;
 pub use parent::{run, too_late};
 
-use crate::engine::{digest::Digest, node::Arity};
+use crate::engine::digest::Digest;
 
 /// A program that calls [`serve`] for the same library as the run's.
 #[derive(Debug, Clone)]
@@ -40,8 +40,6 @@ pub struct WorkerProgram {
 struct Job {
     kind: String,
     params: serde_json::Value,
-    /// The ports, which for an open kind are those that the pipeline declares.
-    ports: Ports<Vec<JobPort>>,
     /// By port: artifacts in order, or why one is missing.
     inputs: BTreeMap<String, Vec<Result<ArtifactFile, String>>>,
     /// By port: the (axis, item) labels of its inputs.
@@ -53,22 +51,6 @@ struct Job {
     threads: usize,
     /// Bytes that it may allocate.
     memory: Option<u64>,
-}
-
-/// Something for both sides of a node.
-#[derive(Debug, Serialize, Deserialize)]
-struct Ports<T> {
-    inputs: T,
-    outputs: T,
-}
-
-#[derive(Debug, Serialize, Deserialize)]
-struct JobPort {
-    name: String,
-    /// The name of its type.
-    #[serde(rename = "type")]
-    ty: String,
-    arity: Arity,
 }
 
 /// An artifact in its stored form.

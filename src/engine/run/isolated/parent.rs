@@ -8,13 +8,13 @@ use std::{
     time::Instant,
 };
 
-use super::{ArtifactFile, Job, JobPort, Line, Ports, WorkerProgram, memory_file};
+use super::{ArtifactFile, Job, Line, WorkerProgram, memory_file};
 use crate::engine::{
     cancel::CancelToken,
     events::Failure,
     graph::{Instance, Labels},
     library::Library,
-    node::{NodeOutputs, Port, ProgressFn},
+    node::{NodeOutputs, ProgressFn},
     process::{self, Answer, Ended, Stopped, Watched},
     run::{
         RunOptions,
@@ -69,10 +69,6 @@ fn job(
     Job {
         kind: instance.kind.spec.kind.to_owned(),
         params: instance.node.params(),
-        ports: Ports {
-            inputs: instance.kind.spec.inputs.iter().map(job_port).collect(),
-            outputs: instance.kind.spec.outputs.iter().map(job_port).collect(),
-        },
         inputs,
         labels: labels
             .map(|(port, list)| ((*port).to_owned(), list.iter().map(written).collect()))
@@ -83,10 +79,6 @@ fn job(
         threads,
         memory: instance.settings.isolate.and_then(|it| it.memory),
     }
-}
-
-fn job_port(port: &Port) -> JobPort {
-    JobPort { name: port.name.to_owned(), ty: port.ty.name.to_owned(), arity: port.arity }
 }
 
 /// Why the inputs cannot be handed over.
