@@ -49,7 +49,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<normalize::Normalize>(),
     NodeKind::of::<plot::Plot>(),
     NodeKind::of::<point_cloud::PointCloud>(),
-    NodeKind::open::<python::Python>(),
+    NodeKind::open_labelled::<python::Python>(),
     NodeKind::of::<regressor::RegressorNode>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<snapshot::Snapshot>(),
