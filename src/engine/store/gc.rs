@@ -270,7 +270,9 @@ fn remove_records(dir: &Path, mut damaged: DamagedRecords) -> Result<(), GcError
     log.rewrite(|kind, digest| match kind {
         RecordKind::Entry => !damaged.entries.contains(digest),
         RecordKind::Object => !damaged.objects.contains_key(digest),
-        RecordKind::FileDigest | RecordKind::LastKey | RecordKind::Exported => true,
+        RecordKind::FileDigest | RecordKind::LastKey | RecordKind::Exported | RecordKind::Facts => {
+            true
+        }
     })?;
     Ok(())
 }
