@@ -27,7 +27,6 @@ mod uses;
 
 use std::{
     collections::HashSet,
-    fs::File,
     io,
     path::{Path, PathBuf},
     sync::{Arc, Mutex},
@@ -42,7 +41,6 @@ use disk::Disk;
 use gate::{Gate, Pass};
 use log::{Log, RecordKind};
 pub use objects::{Bytes, ObjectError};
-
 use uses::Uses;
 
 use super::{
