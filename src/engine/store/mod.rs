@@ -41,7 +41,6 @@ use disk::Disk;
 use gate::{Gate, Pass};
 use log::{Log, RecordKind};
 pub use objects::{Bytes, ObjectError};
-
 use uses::Uses;
 
 use super::{
