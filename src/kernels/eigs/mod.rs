@@ -53,7 +53,7 @@ pub struct EigsStats {
     pub residual: f64,
     /// The largest entry of `|Phi^T M Phi - I|`.
     pub orthogonality: f64,
-    /// The number of connected components of the operator's graph.
+    /// The number of connected components of the operator's graph, without pinned vertices.
     pub n_components: usize,
 }
 
@@ -148,7 +148,8 @@ struct Pairs {
 ///
 /// Eigenvectors are `V x k`, orthonormal with respect to the masses, with their largest entry
 /// positive (ties by index); vectors inside a multiple eigenvalue stay arbitrary. The first
-/// eigenvalue (the first of every component) is exactly zero if constants are in the kernel. The
+/// eigenvalue (the first of every component) is exactly zero if constants are in the kernel. Vertices
+/// without neighbours that have a positive diagonal are no components: functions are zero there. The
 /// result has the same bytes at any number of threads.
 ///
 /// # Errors
@@ -168,12 +169,16 @@ pub fn eigs_observed(
 ) -> Result<(Basis, EigsStats), EigsError> {
     check(operator, options.k)?;
     let k = options.k;
-    let components = components(operator);
+    let (components, n_pinned) = free_components(operator);
+    let n_free = operator.mass.len() - n_pinned;
+    if k > n_free {
+        return Err(EigsError::TooMany { k, n_vertices: n_free });
+    }
     if components.len() > 1 && options.disconnected == Disconnected::Refuse {
         return Err(disconnected(&components));
     }
     let (mut pairs, dense) = match components.len() {
-        1 => solve_connected(operator, k, observer)?,
+        1 if n_pinned == 0 => solve_connected(operator, k, observer)?,
         _ => merged(operator, &components, k, observer)?,
     };
     let largest = pairs.eigenvalues[k - 1];
@@ -245,6 +250,21 @@ fn solve_connected(
         return Ok((dense::solve(operator, k)?, true));
     }
     Ok((shift_invert::solve(operator, k, observer)?, false))
+}
+
+/// The components without the pinned vertices, and the number of those.
+///
+/// A vertex is pinned if it has no neighbours but a positive diagonal: its own eigenvalue is not zero,
+/// and all other eigenfunctions are zero there.
+fn free_components(operator: &Operator) -> (Vec<Vec<usize>>, usize) {
+    let mut components = components(operator);
+    let n_components = components.len();
+    components.retain(|members| match members[..] {
+        [only] => operator.stiffness.row(only).all(|(_, value)| value <= 0.0),
+        _ => true,
+    });
+    let n_pinned = n_components - components.len();
+    (components, n_pinned)
 }
 
 /// The vertices of every connected component, ascending, the component of vertex 0 first.

@@ -14,6 +14,8 @@ const FLOAT: u32 = 5126;
 const U16: u32 = 5123;
 const U32: u32 = 5125;
 const ARRAY_BUFFER: u32 = 34962;
+const POINTS: u32 = 0;
+const TRIANGLES: u32 = 4;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
 /// What is written into one file.
@@ -59,12 +61,14 @@ pub struct Glb {
 pub fn write_glb(scene: GlbScene<'_>) -> Glb {
     let mut out = Out::default();
     let (attributes, cut) = attributes(&mut out, &scene);
-    let indices = bytemuck::cast_slice(scene.mesh.faces());
-    let indices = out.accessor(indices, U32, "SCALAR", 1, Some(ELEMENT_ARRAY_BUFFER), false);
-    let mesh = json!({
-        "name": "mesh",
-        "primitives": [{ "attributes": attributes, "indices": indices, "mode": 4 }],
-    });
+    let mut primitive = json!({ "attributes": attributes, "mode": POINTS });
+    if !scene.mesh.is_point_cloud() {
+        let indices = bytemuck::cast_slice(scene.mesh.faces());
+        let indices = out.accessor(indices, U32, "SCALAR", 1, Some(ELEMENT_ARRAY_BUFFER), false);
+        primitive["indices"] = json!(indices);
+        primitive["mode"] = json!(TRIANGLES);
+    }
+    let mesh = json!({ "name": "mesh", "primitives": [primitive] });
     let mut document = json!({
         "asset": { "version": "2.0", "generator": concat!("sinew ", env!("CARGO_PKG_VERSION")) },
         "scene": 0,
