@@ -60,8 +60,8 @@ fn beginnings_of_files_are_errors_or_meshes() {
         assert_eq!(read(extension, &bytes), Ok(()), "{extension}");
         for len in 0..bytes.len() {
             let result = read(extension, &bytes[..len]);
-            let is_text =
-                ["csv", "obj", "off", "toml", "xyz"].contains(&extension) || bytes.starts_with(b"solid");
+            let is_text = ["csv", "obj", "off", "toml", "xyz"].contains(&extension)
+                || bytes.starts_with(b"solid");
             assert!(is_text || len + 2 > bytes.len() || result.is_err(), "{extension} {len}");
             assert!(result.err().is_none_or(|it| !it.contains('\n')));
         }
