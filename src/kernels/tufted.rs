@@ -558,6 +558,25 @@ mod tests {
         }
     }
 
+    /// Weights of faces whose vertices coincide are a hundred thousand times those of others.
+    #[test]
+    fn faces_without_area_do_not_spoil_eigenpairs() {
+        let mesh = icosphere(4);
+        let (one, _) = check(&mesh);
+        let mut vertices = mesh.vertices().to_vec();
+        for &[a, b, _] in mesh.faces().iter().step_by(400) {
+            vertices[a as usize] = vertices[b as usize];
+        }
+        let (other, report) = check(&mesh.with_vertices(vertices).unwrap());
+        assert!(report.lengthened > 0.0);
+        let options = EigsOptions { k: 9, ..Default::default() };
+        let (one, _) = eigs(&one, &options).unwrap();
+        let (other, _) = eigs(&other, &options).unwrap();
+        for (a, b) in one.eigenvalues.iter().zip(&other.eigenvalues) {
+            assert!((a - b).abs() < 0.02 * (1.0 + a), "{a} and {b}");
+        }
+    }
+
     #[test]
     fn two_parts_have_two_zeros() {
         let sphere = icosphere(2);

@@ -468,6 +468,19 @@ mod tests {
     }
 
     #[test]
+    fn a_point_cloud_is_written_as_points() {
+        let (mesh, ..) = arm();
+        let cloud = TriMesh::from_points(mesh.vertices().to_vec()).unwrap();
+        let scene = GlbScene { mesh: &cloud, colours: None, rig: None, max_influences: 4 };
+        let bytes = write_glb(scene).bytes;
+        let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+        let document: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+        let primitive = &document["meshes"][0]["primitives"][0];
+        assert_eq!(primitive["mode"], json!(0));
+        assert!(primitive.get("indices").is_none(), "{primitive}");
+    }
+
+    #[test]
     fn what_is_read_is_what_was_written() {
         let (mesh, skeleton, weights, clip) = arm();
         let read = read_gltf(&written(4).bytes, &|_| None, GltfOptions::default()).unwrap();
