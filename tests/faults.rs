@@ -82,7 +82,7 @@ impl Bench {
     fn options(&self, targets: &[&str]) -> RunOptions {
         RunOptions {
             threads: 2,
-            targets: targets.iter().map(|it| self.graph.find(it).unwrap()).collect(),
+            targets: targets.iter().map(|it| self.graph.select(it)[0]).collect(),
             output_dir: self.path("out"),
             run_id: "test".to_owned(),
             ..RunOptions::default()
@@ -107,7 +107,7 @@ impl Bench {
     }
 
     fn outcome<'a>(&self, report: &'a RunReport, id: &str) -> &'a Outcome {
-        &report.outcomes[self.graph.find(id).unwrap().index()]
+        &report.outcomes[self.graph.select(id)[0].index()]
     }
 
     #[track_caller]
@@ -518,7 +518,7 @@ fn pinned_results_stay() {
     let store = Store::open(&bench.cache(), Access::ReadOnly).unwrap();
     let memory = sinew::engine::plan::PipelineMemory::new(&store, &bench.graph);
     let plan = sinew::engine::plan::plan(&bench.graph, &[], &BTreeSet::new(), &memory);
-    let key = |id: &str| match plan.statuses[bench.graph.find(id).unwrap().index()] {
+    let key = |id: &str| match plan.statuses[bench.graph.select(id)[0].index()] {
         sinew::engine::plan::Status::Cached { key } => key,
         ref other => panic!("{other:?}"),
     };
