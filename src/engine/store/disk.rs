@@ -195,8 +195,8 @@ impl Disk {
         result
     }
 
-    /// Removes what killed writers of the same file have left.
-    fn sweep(&self, path: &Path) {
+    /// Removes what killed writers of a file have left.
+    pub fn sweep(&self, path: &Path) {
         for turn in 0..MAX_WRITERS {
             let temporary = temporary_path(path, turn);
             match self.open(&temporary) {

@@ -328,7 +328,8 @@ fn read_vertices(body: &mut Body<'_>, element: &Element) -> Result<Vec<Vec3>, Re
             return Err(ReadError::content(FORMAT, format!("vertices have no property `{name}`")));
         }
     }
-    let mut vertices = Vec::with_capacity(element.count);
+    // An ASCII file may claim any number; only what is read counts.
+    let mut vertices = Vec::with_capacity(element.count.min(1 << 16));
     for _ in 0..element.count {
         let mut position = Vec3::zeros();
         for property in &element.properties {

@@ -36,6 +36,8 @@ impl<'a> Coordinator<'a> {
         let path = self.output_path(rule);
         let receipt = self.context.store.recall(Note::Exported, &export::subject(&path));
         if receipt.is_some() && receipt == export::receipt(info.digest, &path) {
+            // Another run may have finished the file that a killed one was writing.
+            self.context.store.disk().sweep(&path);
             self.end_export(rule, ExportOutcome::UpToDate);
         } else if self.can_have(from) {
             self.ready_exports.push_back(rule);
