@@ -73,7 +73,9 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
-    run_graph(&args.pipeline.load()?, args, &stop_requests()?, ui)
+    // The process ends with the run: to take thousands of instances apart would only cost time.
+    let graph = Box::leak(Box::new(args.pipeline.load()?));
+    run_graph(graph, args, &stop_requests()?, ui)
 }
 
 /// Ctrl-C as messages. To be asked for once.
