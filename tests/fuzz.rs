@@ -186,6 +186,7 @@ impl Observer for Outputs {
 fn artifacts() -> BTreeMap<&'static str, Vec<u8>> {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("tetrahedron.off"), OFF).unwrap();
+    fs::write(folder.path().join("errors.csv"), ERRORS).unwrap();
     let store = Store::open(&folder.path().join("cache"), Access::ReadWrite).unwrap();
     let mut outputs = Outputs::default();
     for kind in LIBRARY.kinds {
@@ -241,6 +242,10 @@ fn mutated_artifacts_are_refused_or_read() {
 // ---- files ------------------------------------------------------------------------------------------
 
 const OFF: &str = "OFF\n4 4 6\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
+
+/// What the examples of the kinds for tables read.
+const ERRORS: &str = "method,shape,joints,error [%]\nours,horse,33,5.0\nours,fox,42,3.9\n\
+    ours,woman,31,0.96\nnearest,horse,33,7.5\nnearest,fox,42,6.25\nnearest,woman,31,2.5\n";
 
 /// A strip with two joints and a clip, in one file.
 const GLTF: &str = r#"{ "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }],
