@@ -121,6 +121,35 @@ fn a_list_of_inputs_is_an_argument_each() {
 }
 
 #[test]
+fn archives_of_numpy_come_out() {
+    let found = Command::new("python3").args(["-c", "import numpy"]).output();
+    if !found.is_ok_and(|it| it.status.success()) {
+        eprintln!("skipped: python3 with numpy is not there");
+        return;
+    }
+    let script = "import sys, numpy as np\n\
+        given = np.load(sys.argv[1])\n\
+        np.savez(sys.argv[2], vertices=np.asfortranarray(given['vertices']) * 2,\n\
+        \x20   faces=given['faces'].astype(np.int32))\n\
+        np.savez(sys.argv[3], target_of_source=np.arange(int(sys.argv[4])), n_target=4)\n\
+        np.savez(sys.argv[5], vertices=np.array([3, 1]), names=np.array(['a', 'b']))\n";
+    let work = Work::new(&format!(
+        "{BODY}\n[nodes.tool]\nkind = \"command\"\ninputs = {{ mesh = \"@body.mesh\" }}\n\
+         outputs = {{ mesh2 = \"mesh\", map = \"point_map\", marks = \"landmarks\" }}\n\
+         files = {{ tool = \"tool.py\" }}\ncommand = [\"python3\", \"{{file:tool}}\", \
+         \"{{in:mesh.npz}}\", \"{{out:mesh2.npz}}\", \"{{out:map.npz}}\", 4, \"{{out:marks.npz}}\"]\n\n\
+         [outputs]\n\"mesh.obj\" = \"@tool.mesh2\"\n"
+    ));
+    work.write("tool.py", script);
+    work.succeed();
+    let text = work.read("mesh.obj");
+    assert!(text.contains("v 2 0 0\nv 0 2 0\nv 0 0 2\n"), "{text}");
+    let shown = work.sinew(&["show", "pipeline.toml", "tool.map"]);
+    let shown = String::from_utf8(shown.stdout).unwrap();
+    assert!(shown.contains("100 %"), "{shown}");
+}
+
+#[test]
 fn standard_streams_are_files_where_the_pipeline_says_so() {
     let work = Work::new(&format!(
         "{BODY}\n[nodes.upper]\nkind = \"command\"\ninputs = {{ mesh = \"@body.mesh\" }}\n\
@@ -273,6 +302,51 @@ fn what_a_program_leaves_running_is_ended() {
     work.succeed();
     assert!(start.elapsed() < Duration::from_secs(100), "nobody waits for what is left");
     assert_gone(&work.read("res.txt"));
+}
+
+#[test]
+fn a_time_limit_ends_a_program_with_all_that_it_has_started() {
+    for isolate in ["", "isolate = true\n"] {
+        let pipeline = shell(
+            "sleep 1000 & echo $! > PIDS; setsid sleep 1000 & echo $! >> PIDS; \
+                              sleep 1000; true {out:res.txt}",
+        );
+        let limited = format!("timeout = 2\n{isolate}outputs = {{ res");
+        let work = Work::new("");
+        let pids = work.path("pids.txt");
+        let pipeline = pipeline.replace("PIDS", pids.to_str().unwrap());
+        work.write("pipeline.toml", &pipeline.replace("outputs = { res", &limited));
+        let start = Instant::now();
+        work.fail(1, "took longer than its time limit of 2 s");
+        assert!(start.elapsed() < Duration::from_secs(100));
+        work.read("pids.txt")
+            .lines()
+            .take(if isolate.is_empty() { 2 } else { 1 })
+            .for_each(assert_gone);
+    }
+}
+
+#[test]
+fn a_program_runs_in_a_process_of_its_own_as_well() {
+    let work = Work::new(&format!(
+        "{BODY}\n[nodes.copy]\nkind = \"command\"\nisolate = true\n\
+         inputs = {{ mesh = \"@body.mesh\", list = [\"@body.mesh\"] }}\noutputs = {{ copy = \"mesh\" }}\n\
+         command = [\"cp\", \"-v\", \"{{in:list.ply}}\", \"{{out:copy.ply}}\"]\nstdin = \"{{in:mesh.ply}}\"\n\n\
+         [outputs]\n\"stdout.txt\" = \"@copy.stdout\"\n\"copy.obj\" = \"@copy\"\n"
+    ));
+    work.succeed();
+    assert_eq!(work.read("stdout.txt"), "'in/list/0.ply' -> 'out/copy.ply'\n");
+}
+
+#[test]
+fn tables_come_out_as_text() {
+    let work = Work::new(
+        "[nodes.tool]\nkind = \"command\"\nshell = true\noutputs = { res = \"table\" }\n\
+         command = \"printf 'name,error [mm]\\\\na,1.5\\\\n' > {out:res.csv}\"\n\n\
+         [outputs]\n\"res.json\" = \"@tool\"\n\"res.csv\" = \"@tool\"\n",
+    );
+    work.succeed();
+    assert_eq!(work.read("res.csv"), "name,error [mm]\na,1.5\n");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! What every kind must do, shown on its own example: it checks, runs, is cached the second time,
-//! gives the same bytes at one and two threads and in another process; every artifact survives a
-//! round trip, and garbage is refused.
+//! gives the same bytes at one and two threads, in another process and in a process for every node;
+//! every artifact survives a round trip, and garbage is refused.
 
 use std::{collections::BTreeMap, fs, path::Path, process::Command};
 
@@ -16,6 +16,7 @@ use sinew::{
         pipeline::{self, Settings},
         record::Line,
         run::{self, RunOptions, WorkerProgram},
+        settings::Isolation,
         store::{Access, Store},
     },
 };
@@ -63,6 +64,14 @@ fn run(graph: &Graph, folder: &Path, cache: &str, threads: usize) -> (RunReport,
     (report, outcomes.0)
 }
 
+/// The same graph with a process for every node.
+fn isolated(mut graph: Graph) -> Graph {
+    for instance in graph.instances.node_weights_mut() {
+        instance.settings.isolate = Some(Isolation::default());
+    }
+    graph
+}
+
 fn assert_conforms(kind: &str, example: &str) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("example.toml");
@@ -76,8 +85,8 @@ fn assert_conforms(kind: &str, example: &str) {
     assert!(report.succeeded(), "{kind}: {:?}", report.outcomes);
     let (again, _) = run(&graph, folder.path(), "one", 1);
     assert_eq!(again.counts().ran, 0, "{kind}: a second run computes nothing");
-    let (_, two) = run(&graph, folder.path(), "two", 2);
-    assert_eq!(one, two, "{kind}: the same bytes at one and two threads");
+    let (_, two) = run(&isolated(load(&file)), folder.path(), "two", 2);
+    assert_eq!(one, two, "{kind}: the same bytes with two threads in processes of their own");
     let process = run_in_process(&graph, folder.path(), &file);
     assert_eq!(one, process, "{kind}: and in another process");
     assert_round_trips(kind, folder.path(), &one);

@@ -390,6 +390,43 @@ fn waiting_for_a_turn_does_not_count_against_the_time_limit() {
     assert!(outcomes.keys().all(|it| has_run(&outcomes, it)), "{outcomes:?}");
 }
 
+// ---- failures --------------------------------------------------------------------------------
+
+/// A failure at the start, others that run meanwhile, and what waits for either.
+const FAILURE: &str = "[nodes.running]\nkind = \"sleep\"\nduration_ms = 100\n\n\
+    [nodes.bad]\nkind = \"fail\"\n\n\
+    [nodes.needs_bad]\nkind = \"add\"\nterms = [\"@bad\", \"@running\"]\n\n\
+    [nodes.needs_both]\nkind = \"add\"\nterms = [\"@needs_bad\", \"@good\"]\n\n\
+    [nodes.good]\nkind = \"add\"\nterms = [\"@running\"]\n\n";
+
+#[test]
+fn without_fail_fast_all_that_can_be_done_is_done() {
+    let bench = Bench::new();
+    let graph = bench.load(FAILURE);
+    let outcomes = bench.run(FAILURE);
+    assert!(has_run(&outcomes, "running") && has_run(&outcomes, "good"));
+    assert_eq!(failure(&outcomes, "bad").message(), "this node always fails");
+    let bad = graph.select("bad")[0];
+    for skipped in ["needs_bad", "needs_both"] {
+        let Outcome::Skipped { because } = outcomes[skipped] else { panic!("{outcomes:?}") };
+        assert!(because == bad || graph.instances[because].id() == "needs_bad", "{outcomes:?}");
+    }
+}
+
+#[test]
+fn with_fail_fast_nothing_starts_after_a_failure_and_what_runs_is_kept() {
+    let bench = Bench::new();
+    let mut diary = Diary::default();
+    let options = RunOptions { fail_fast: true, ..bench.options(2) };
+    let outcomes = bench.watch(FAILURE, &options, &mut diary);
+    let after = &diary.lines[diary.position("end bad")..];
+    assert!(!after.iter().any(|it| it.starts_with("start")), "{:#?}", diary.lines);
+    assert!(has_run(&outcomes, "running"));
+    assert_eq!(outcomes["good"], Outcome::NotReached);
+    // Another run goes on from there.
+    assert_eq!(bench.run(FAILURE)["running"], Outcome::Cached);
+}
+
 // ---- stopping --------------------------------------------------------------------------------
 
 #[test]

@@ -134,6 +134,39 @@ fn a_check_fails_the_run_and_what_follows_is_not_made() {
 }
 
 #[test]
+fn an_axis_is_a_column_and_an_item_that_failed_a_row() {
+    let folder = folder_with_tables();
+    for (name, text) in
+        [("20", "error [%]\n4\n6\n"), ("40", "error [%]\n1,2\n"), ("60", "error [%]\n1\n")]
+    {
+        fs::write(folder.path().join(format!("{name}.csv")), text).unwrap();
+    }
+    let pipeline = "[axes.k]\nvalues = [20, 40, 60]\n\n\
+                    [nodes.errors]\nkind = \"table_file\"\npath = \"${k}.csv\"\n\n\
+                    [nodes.all]\nkind = \"table\"\nrows = \"@errors\"\nover = [\"k\"]\n\
+                    missing = \"show\"\nstatistics = [\"mean\"]\n\n\
+                    [nodes.drawn]\nkind = \"plot\"\nrows = \"@errors\"\nover = [\"k\"]\n\
+                    missing = \"show\"\nfigure = \"curve\"\nx = \"k\"\ny = \"error\"\n\n\
+                    [outputs]\n\"all.csv\" = \"@all\"\n\"all.svg\" = \"@drawn\"\n";
+    let (code, said) = run(folder.path(), pipeline);
+    assert_eq!(code, Some(1), "something failed, and the exit code says so: {said}");
+    assert!(said.contains("`error` is missing in 1 of 4 rows; 3 are left"), "{said}");
+    let text = fs::read_to_string(folder.path().join("all.csv")).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines[0], "statistic,k,error [%],missing");
+    assert_eq!([lines[1], lines[2], lines[4]], [",20,4,", ",20,6,", ",60,1,"]);
+    let why = "it has 2 fields, but the header has 1";
+    assert!(lines[3].starts_with(",40,,") && lines[3].contains(why), "{text}");
+    assert!(lines[5].starts_with("mean,,3.66666") && lines[6] == "missing,,1,", "{text}");
+    let svg = fs::read_to_string(folder.path().join("all.svg")).unwrap();
+    let texts = elements(&svg);
+    assert!(
+        ["error [%]", "k", "20", "60"].iter().all(|it| texts.contains(&(*it).to_owned())),
+        "{svg}"
+    );
+}
+
+#[test]
 fn mistakes_are_told_before_or_at_their_node() {
     let folder = folder_with_tables();
     let plot = |lines: &str| {

@@ -220,7 +220,7 @@ fn places_name_the_lines_of_nodes_and_parameters() {
     let instance = &graph.instances[graph.select("second/scaled")[0]];
     assert!(graph.show_place(&instance.place).ends_with("parts/double.toml:8"));
     let factor = &instance.field_places["factor"];
-    assert!(graph.show_place(factor).ends_with("parts/double.toml:11"));
+    assert!(graph.show_place(factor).ends_with("pipeline.toml:6"));
 }
 
 #[test]

@@ -79,6 +79,18 @@ fn results_are_the_same_bytes_at_one_and_two_threads() {
 }
 
 #[test]
+fn a_cloud_and_a_broken_mesh_get_skeletons_as_good_as_the_clean_mesh_does() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), "point_cloud.toml", &["--set", "n_vertices=2500", "--set", "k=80"]);
+    let means = column(&folder.path().join("out/point_cloud/errors.csv"), "mean of height");
+    let [mesh, broken, vertices, scan] = means[..] else { panic!("{means:?}") };
+    assert!(mesh < 2.0, "{means:?} % of the height");
+    for other in [broken, vertices, scan] {
+        assert!(other < mesh + 1.0, "{means:?} % of the height");
+    }
+}
+
+#[test]
 fn real_shapes_get_skeletons_as_good_as_the_readme_says() {
     let mirror = root().join("../shared/data");
     if !mirror.join("makehuman").is_dir() {

@@ -118,6 +118,7 @@ def f(mesh, again, scale, words):
         "map": {"target_of_source": numpy.array([2, 1, 0], numpy.int32), "n_target": 3},
         "marks": {"vertices": [3, 1], "names": ["head", "foot"]},
         "table": {"name": ["a", "b"], "error [mm]": [1, 2.5]},
+        "functions": {"values": [[1.0], [0.0]], "names": ["x"]},
         "report": "all well\n",
         "files": {"a/b.txt": "text", "c": b"\x00\x01"},
     }
@@ -125,7 +126,9 @@ def f(mesh, again, scale, words):
     let check = r#"
 import numpy
 
-def f(mesh, map, marks, table, report, documents):
+def f(mesh, map, marks, table, functions, report, documents):
+    assert functions.values.tolist() == [[1], [0]] and functions.names == ["x"]
+    assert dict(functions).keys() == {"values", "names"} and "values" in functions
     assert mesh.vertices.max() == 2 and mesh.faces.dtype == numpy.uint32
     assert map.target_of_source.tolist() == [2, 1, 0] and map.n_target == "3"
     assert marks.names == ["head", "foot"] and marks.vertices.tolist() == [3, 1]
@@ -135,7 +138,7 @@ def f(mesh, map, marks, table, report, documents):
     return [{"x": 1, "y": "p"}, {"x": 2.5, "y": "q"}]
 "#;
     let all = "mesh = \"@make.mesh\", map = \"@make.map\", marks = \"@make.marks\", \
-               table = \"@make.table\", report = \"@make.report\", documents = \"@make.files\"";
+               table = \"@make.table\", functions = \"@make.functions\", report = \"@make.report\", documents = \"@make.files\"";
     let pipeline = format!(
         "{BODY}{}[nodes.check]\nkind = \"python\"\nscript = \"check.py\"\nfunction = \"f\"\n\
          inputs = {{ {all} }}\noutputs = {{ rows = \"table\" }}\n\n\
@@ -146,7 +149,7 @@ def f(mesh, map, marks, table, report, documents):
             "inputs = { mesh = \"@body.mesh\", again = [\"@body.mesh\", \"@body.mesh\"] }\n\
              params = { scale = 2, words = { a = [1.5, \"x\"] } }\n\
              outputs = { mesh = \"mesh\", map = \"point_map\", marks = \"landmarks\", \
-             table = \"table\", report = \"text\", files = \"files\" }"
+             table = \"table\", functions = \"descriptors\", report = \"text\", files = \"files\" }"
         )
     );
     let work = Work::new(&pipeline, script);
@@ -157,6 +160,35 @@ def f(mesh, map, marks, table, report, documents):
     assert_eq!(work.read("stdout.txt"), "checked\n");
     let again = work.succeed();
     assert!(again.contains("up to date"), "{again}");
+}
+
+#[test]
+fn a_list_knows_what_it_gathers_and_what_is_missing() {
+    if !has_numpy() {
+        return;
+    }
+    let script = r#"
+def f(case):
+    if case == "b":
+        raise ValueError("no result for b")
+    return case
+
+def g(all):
+    rows = zip(all.labels, all, all.missing)
+    return "".join(f"{labels['case']} {item} {why is not None}\n" for labels, item, why in rows)
+"#;
+    let work = Work::new(
+        &format!(
+            "[axes]\ncase = {{ values = [\"a\", \"b\", \"c\"] }}\n\n{}[nodes.all]\nkind = \"python\"\n\
+             script = \"script.py\"\nfunction = \"g\"\nover = \"case\"\nmissing = \"show\"\n\
+             inputs = {{ all = [\"@one\"] }}\noutputs = {{ res = \"text\" }}\n\n\
+             [outputs]\n\"all.txt\" = \"@all\"\n",
+            node("one", "params = { case = \"${case}\" }\noutputs = { res = \"text\" }")
+        ),
+        script,
+    );
+    work.fail(1, "no result for b");
+    assert_eq!(work.read("all.txt"), "a a False\nb None True\nc c False\n");
 }
 
 #[test]
@@ -331,6 +363,53 @@ def f(n):
             std::thread::sleep(std::time::Duration::from_millis(10));
         }
     }
+}
+
+#[test]
+fn a_time_limit_ends_the_interpreter_and_the_next_call_has_a_new_one() {
+    if !has_numpy() {
+        return;
+    }
+    let script = "import os, subprocess, time\n\
+                  def f(path, slow):\n    if slow:\n        child = subprocess.Popen(['sleep', '1000'])\n\
+                  \x20       open(path, 'w').write(f'{child.pid} {os.getpid()}')\n        time.sleep(1000)\n\
+                  \x20   return 'fast'\n";
+    let work = Work::new("", script);
+    let pids = work.path("pids.txt").display().to_string();
+    let rest = |slow: bool| {
+        let limit = if slow { "timeout = 4\n" } else { "" };
+        format!(
+            "params = {{ path = \"{pids}\", slow = {slow} }}\n{limit}outputs = {{ res = \"text\" }}"
+        )
+    };
+    let outputs = "[outputs]\n\"fast.txt\" = \"@fast\"\n";
+    let pipeline = format!("{}{}{outputs}", node("slow", &rest(true)), node("fast", &rest(false)));
+    work.write("pipeline.toml", &pipeline);
+    let text = work.fail(1, "took longer than its time limit of 4 s");
+    assert!(text.contains("1 failed of 2 nodes"), "{text}");
+    assert_eq!(work.read("fast.txt"), "fast");
+    for pid in work.read("pids.txt").split(' ') {
+        let path = PathBuf::from("/proc").join(pid).join("stat");
+        let start = std::time::Instant::now();
+        while fs::read_to_string(&path).is_ok_and(|it| !it.contains(") Z ")) {
+            assert!(start.elapsed().as_secs() < 10, "{pid} is still there");
+            std::thread::sleep(std::time::Duration::from_millis(10));
+        }
+    }
+}
+
+#[test]
+fn a_call_runs_in_a_process_of_its_own_as_well() {
+    if !has_numpy() {
+        return;
+    }
+    let script = "def f(mesh, all):\n    return f'{len(all)} {mesh.vertices.sum()}'\n";
+    let rest = "isolate = true\noutputs = { res = \"text\" }\n\
+                inputs = { mesh = \"@body.mesh\", all = [\"@body.mesh\"] }";
+    let outputs = "[outputs]\n\"res.txt\" = \"@x\"\n";
+    let work = Work::new(&format!("{BODY}{}{outputs}", node("x", rest)), script);
+    work.succeed();
+    assert_eq!(work.read("res.txt"), "1 3.0");
 }
 
 #[test]

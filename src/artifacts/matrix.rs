@@ -4,7 +4,7 @@ use faer::Mat;
 
 use crate::engine::artifact::{DecodeError, Decoder, Encoder};
 
-/// So many rows are written together that they stay in the cache.
+/// So many rows are turned together that they stay in the cache.
 const ROWS: usize = 32;
 
 /// Writes a dense matrix.
@@ -31,7 +31,16 @@ pub fn matrix(from: &Decoder<'_>, name: &str) -> Result<Mat<f64>, DecodeError> {
     if let Some(value) = values.iter().find(|it| !it.is_finite()) {
         return Err(DecodeError(format!("array `{name}` holds {value}")));
     }
-    Ok(Mat::from_fn(n_rows, n_cols, |row, column| values[row * n_cols + column]))
+    let mut res = Mat::zeros(n_rows, n_cols);
+    for (block, rows) in values.chunks((ROWS * n_cols).max(1)).enumerate() {
+        for column in 0..n_cols {
+            let column_values = &mut res.col_as_slice_mut(column)[block * ROWS..];
+            for (row, value) in rows.chunks_exact(n_cols).zip(column_values) {
+                *value = row[column];
+            }
+        }
+    }
+    Ok(res)
 }
 
 /// The range of a matrix for a summary: `-1.2 to 3.4`.

@@ -12,7 +12,8 @@ impl Artifact for TriMesh {
     const TYPE: ArtifactType = ArtifactType {
         name: "mesh",
         version: 1,
-        doc: "Triangle mesh: `vertices` (V x 3 positions) and `faces` (F x 3 indices).",
+        doc: "Triangle mesh: `vertices` (V x 3 positions) and `faces` (F x 3 indices); without faces, \
+              a point cloud.",
     };
 
     const FORMATS: &'static [Format] = &[
@@ -44,6 +45,9 @@ impl Artifact for TriMesh {
             "ply" => Ok(ply::write_ply(self, ply::PlyExtras::default())),
             "obj" => Ok(obj::write_obj(self)),
             "off" => Ok(off::write_off(self)),
+            "stl" if self.is_point_cloud() => {
+                Err("stl files hold faces, and this is a point cloud".to_owned())
+            }
             "stl" => Ok(stl::write_stl(self)),
             "glb" => Ok(glb::write_glb(glb::GlbScene {
                 mesh: self,

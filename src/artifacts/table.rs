@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder, Format};
+use crate::kernels::io::table_file::{TABLE_EXTENSIONS, TableFileOptions, read_table};
 use crate::kernels::io::table_text::{shown, write_csv, write_json, write_latex, write_markdown};
 use crate::kernels::table::{Column, Table, Values};
 
@@ -29,6 +30,8 @@ impl Artifact for Table {
         Format { extension: "md", doc: "Markdown, numbers rounded, marked rows bold." },
         Format { extension: "tex", doc: "A LaTeX `tabular` for the package booktabs." },
     ];
+
+    const IMPORTS: &'static [&'static str] = &TABLE_EXTENSIONS;
 
     fn encode<'a>(&'a self, to: &mut Encoder<'a>) {
         let mut numbers = Vec::new();
@@ -88,6 +91,11 @@ impl Artifact for Table {
             }
             _ => Err(DecodeError::new("`statistics` is no number of rows")),
         }
+    }
+
+    fn import(extension: &str, bytes: &[u8]) -> Result<Self, String> {
+        let options = TableFileOptions::default();
+        read_table(extension, bytes, &options).map_err(|e| e.to_string())
     }
 
     fn export(&self, extension: &str) -> Result<Vec<u8>, String> {

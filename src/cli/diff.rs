@@ -466,6 +466,9 @@ fn number(value: f64) -> String {
 }
 
 fn signed(value: f64) -> String {
+    if value.is_nan() {
+        return String::new();
+    }
     let text = number(value);
     if value > 0.0 { format!("+{text}") } else { text }
 }

@@ -6,6 +6,8 @@ use std::{
     time::{Instant, SystemTime},
 };
 
+use crossbeam_channel::Receiver;
+
 use super::{
     Exit, Failure, Ui,
     common::{self, StoreArgs},
@@ -71,11 +73,22 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
-    run_graph(&args.pipeline.load()?, args, ui)
+    run_graph(&args.pipeline.load()?, args, &stop_requests()?, ui)
 }
 
-/// Runs a pipeline that has been read.
-pub fn run_graph(graph: &Graph, args: &Args, ui: &Ui) -> Result<Exit, Failure> {
+/// Ctrl-C as messages. To be asked for once.
+pub fn stop_requests() -> Result<Receiver<()>, Failure> {
+    signals::stop_requests()
+        .map_err(|e| Failure::environment(format_args!("cannot listen for Ctrl-C: {e}")))
+}
+
+/// Runs a pipeline that has been read, until it is done or `stop` says so.
+pub fn run_graph(
+    graph: &Graph,
+    args: &Args,
+    stop: &Receiver<()>,
+    ui: &Ui,
+) -> Result<Exit, Failure> {
     let store =
         if args.read_only_cache { args.store.open_read_only()? } else { args.store.open()? };
     let options = RunOptions {
@@ -92,8 +105,7 @@ pub fn run_graph(graph: &Graph, args: &Args, ui: &Ui) -> Result<Exit, Failure> {
         output_dir: args.out.clone(),
         run_id: record::new_run_id(store.dir()),
         worker: Some(this_program()),
-        stop: signals::stop_requests()
-            .map_err(|e| Failure::environment(format_args!("cannot listen for Ctrl-C: {e}")))?,
+        stop: stop.clone(),
     };
     let start = run_start(graph, &options);
     let mut watch = Watch::new(graph, &store, &start, ui);

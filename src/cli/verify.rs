@@ -12,6 +12,7 @@ use super::{
     progress::Detail,
     run::{available_threads, default_memory},
     style,
+    ui::count,
 };
 use crate::engine::{
     graph::Graph,
@@ -145,8 +146,8 @@ impl<'a> Teller<'a> {
     fn end(self, rerun: bool) -> Exit {
         let Self { good, bad, failed, absent, .. } = self;
         if !self.ui.json {
-            let what = if rerun { "came out the same" } else { "are as they were stored" };
-            let mut text = format!("{good} results {what}");
+            let what = if rerun { "the same again" } else { "as stored" };
+            let mut text = format!("{} {what}", count(good, "result"));
             let bad_word = if rerun { "differ" } else { "damaged" };
             for (n, word) in [(bad, bad_word), (failed, "failed"), (absent, "not stored")] {
                 if n > 0 {

@@ -9,9 +9,10 @@ use std::{
     collections::{BTreeMap, BTreeSet},
     fs,
     path::{Path, PathBuf},
-    thread,
     time::{Duration, Instant},
 };
+
+use crossbeam_channel::Receiver;
 
 use super::{
     Exit, Failure,
@@ -25,6 +26,8 @@ use crate::engine::{digest::Digest, file_digests, graph::Graph};
 /// What did not change is not computed again. Mistakes are told, and end nothing: the outputs of the
 /// last good run stay. Ctrl-C ends it.
 #[derive(clap::Args)]
+// The arguments of `run` are a group of the name that this one would have.
+#[group(id = "WatchArgs")]
 pub struct Args {
     #[command(flatten)]
     run: RunArgs,
@@ -45,6 +48,7 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
     let poll = Duration::from_millis(args.poll);
     let mut files = Files::default();
     files.watch(&args.run.pipeline.file);
+    let stop = run::stop_requests()?;
     let mut told = String::new();
     loop {
         files.look();
@@ -52,12 +56,16 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
             Ok(graph) => {
                 told.clear();
                 files.watch_graph(&graph);
-                if let Err(failure) = run::run_graph(&graph, &args.run, ui) {
-                    ui.failure(&failure);
+                match run::run_graph(&graph, &args.run, &stop, ui) {
+                    Ok(Exit::Interrupted) => return Ok(Exit::Interrupted),
+                    Ok(_) => {}
+                    Err(failure) => ui.failure(&failure),
                 }
                 let n = count(files.states.len(), "file");
                 ui.status("Watching", &format!("{n}; Ctrl-C ends"));
-                files.wait(poll, None);
+                if files.wait(poll, None, &stop) == Wait::Stopped {
+                    return Ok(Exit::Interrupted);
+                }
             }
             Err(failure) => {
                 // The same mistakes are told once.
@@ -71,10 +79,19 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
                     let sources = diagnostics.sources.iter().filter(|it| !it.is_setting());
                     sources.for_each(|it| files.watch(&it.path));
                 }
-                files.wait(poll, Some(RETRY));
+                if files.wait(poll, Some(RETRY), &stop) == Wait::Stopped {
+                    return Ok(Exit::Interrupted);
+                }
             }
         }
     }
+}
+
+/// Why waiting ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Wait {
+    Over,
+    Stopped,
 }
 
 /// What is watched, and how it looked before it was read last.
@@ -117,24 +134,29 @@ impl Files {
         }
     }
 
-    /// Waits until a file has changed and is at rest again, or for this time.
-    fn wait(&mut self, poll: Duration, at_most: Option<Duration>) {
+    /// Waits until a file has changed and is at rest again, or for this time, or until `stop` says
+    /// so.
+    fn wait(&mut self, poll: Duration, at_most: Option<Duration>, stop: &Receiver<()>) -> Wait {
         let start = Instant::now();
         while self.states.iter().all(|(path, state)| *state == state_of(path)) {
             if at_most.is_some_and(|it| start.elapsed() >= it) {
-                return;
+                return Wait::Over;
             }
-            thread::sleep(poll);
+            if stop.recv_timeout(poll).is_ok() {
+                return Wait::Stopped;
+            }
         }
         let change = Instant::now();
         let mut before = self.states.clone();
         loop {
             self.look();
             if self.states == before || change.elapsed() > LONGEST_SAVE {
-                return;
+                return Wait::Over;
             }
             before.clone_from(&self.states);
-            thread::sleep(poll);
+            if stop.recv_timeout(poll).is_ok() {
+                return Wait::Stopped;
+            }
         }
     }
 }

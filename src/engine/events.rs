@@ -231,9 +231,8 @@ impl RunReport {
     }
 
     pub fn succeeded(&self) -> bool {
-        let failed = |it: &ExportOutcome| {
-            matches!(it, ExportOutcome::Failed { .. } | ExportOutcome::Skipped)
-        };
+        // A skipped file shows what failed, and that counts already, or what nobody asked for.
+        let failed = |it: &ExportOutcome| matches!(it, ExportOutcome::Failed { .. });
         let counts = self.counts();
         counts.failed == 0
             && counts.skipped == 0

@@ -13,10 +13,11 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 pub use super::cancel::CancelToken;
 pub use super::facts::{Answer, Facts, Question};
+pub use super::graph::Labels;
 use super::{
     artifact::{AnyArtifact, Artifact, ArtifactType},
     digest::Digest,
-    graph::{InputLabels, Labels},
+    graph::InputLabels,
 };
 
 /// How many wires a port takes.
@@ -420,17 +421,13 @@ impl<'a> NodeIo<'a> {
 
     /// The artifacts at every wired input, in the order of the pipeline file: for kinds whose inputs the
     /// pipeline declares.
-    pub fn inputs(&self) -> impl Iterator<Item = (&'static str, Vec<AnyArtifact>)> {
-        let wired = |port: &Port| {
-            let artifacts = self.inputs.get(port.name)?.iter();
-            Some((port.name, artifacts.filter_map(|it| it.as_ref().ok().cloned()).collect()))
-        };
-        self.spec.inputs.iter().filter_map(wired)
+    pub fn inputs(&self) -> impl Iterator<Item = (&'static Port, &PortInputs)> {
+        self.spec.inputs.iter().filter_map(|port| Some((port, self.inputs.get(port.name)?)))
     }
 
-    /// Whether an input takes a list.
-    pub fn is_list(&self, port: &str) -> bool {
-        self.spec.inputs.iter().any(|it| it.name == port && it.arity.takes_list())
+    /// What the items are called that a labelled input gathers; empty for other inputs.
+    pub fn labels(&self, port: &str) -> &[Labels] {
+        self.input_labels.get(port).map_or(&[], |it| it)
     }
 
     /// The file in which an artifact is stored as it is encoded, if there is one: it can be mapped.
@@ -627,6 +624,8 @@ pub struct NodeKind {
     /// The pipeline declares its ports beside those of the spec: tables `inputs` and `outputs` in the
     /// node's own table, which are parameters `inputs` and `outputs` of the kind.
     pub open: bool,
+    /// Whether the list inputs of an open kind are labelled.
+    pub labels_lists: bool,
 }
 
 impl NodeKind {
@@ -637,6 +636,7 @@ impl NodeKind {
             schema: || schemars::schema_for!(N),
             handles_limits: N::HANDLES_LIMITS,
             open: false,
+            labels_lists: false,
         }
     }
 
@@ -644,5 +644,10 @@ impl NodeKind {
     /// `inputs: BTreeMap<String, Arity>` and `outputs: BTreeMap<String, String>` (names of types).
     pub const fn open<N: Node>() -> Self {
         Self { open: true, ..Self::of::<N>() }
+    }
+
+    /// The same; it is told what the items are called that its lists gather, and which are missing.
+    pub const fn open_labelled<N: Node>() -> Self {
+        Self { labels_lists: true, ..Self::open::<N>() }
     }
 }

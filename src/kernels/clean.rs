@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::fill::fill_holes;
-use super::mesh::{TriMesh, Vec3};
+use super::mesh::{MeshError, TriMesh, Vec3};
 use super::resampled::Resampled;
 use super::topology::{DisjointSets, Edges, Fans, Topology, is_collapsed};
 
@@ -88,6 +88,8 @@ pub struct CleanReport {
 pub enum CleanError {
     #[error("no face of {n_faces} has an area")]
     NothingLeft { n_faces: usize },
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
 }
 
 /// Welds, drops bad faces, resolves non-manifold places, keeps components, orients, fills holes.
@@ -97,11 +99,12 @@ pub enum CleanError {
 /// every new vertex is one of the old ones (of a welded group, the first).
 ///
 /// # Errors
-/// [`CleanError::NothingLeft`].
+/// See [`CleanError`].
 pub fn clean(
     mesh: &TriMesh,
     options: &CleanOptions,
 ) -> Result<(Resampled, CleanReport), CleanError> {
+    mesh.check_has_faces()?;
     let nothing_left = CleanError::NothingLeft { n_faces: mesh.n_faces() };
     let before = Topology::of(mesh);
     let n_unreferenced = before.n_unreferenced;

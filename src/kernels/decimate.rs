@@ -51,6 +51,7 @@ pub enum DecimateError {
 /// # Errors
 /// See [`DecimateError`].
 pub fn decimate(mesh: &TriMesh, options: &DecimateOptions) -> Result<Resampled, DecimateError> {
+    mesh.check_has_faces()?;
     if options.n_vertices < 4 {
         return Err(DecimateError::TooFew { n_wanted: options.n_vertices });
     }

@@ -1,8 +1,8 @@
 //! The cotangent Laplacian of triangle meshes.
 
-use super::mesh::{TriMesh, Vec3};
+use super::edge_weights::EdgeWeights;
+use super::mesh::{MeshError, TriMesh, Vec3};
 use super::operator::Operator;
-use super::sparse::CsrMatrix;
 
 /// How the area of the faces is shared out among their corners.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -18,6 +18,8 @@ pub enum MassLumping {
 /// Why a mesh has no Laplacian.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum LaplacianError {
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
     #[error(
         "{n_massless} of {n_vertices} vertices have no area ({n_unreferenced} belong to no face, \
          {n_degenerate} only to faces without area), the first is vertex {first}"
@@ -55,22 +57,32 @@ pub fn cotangent_laplacian(
     mesh: &TriMesh,
     lumping: MassLumping,
 ) -> Result<Operator, LaplacianError> {
+    mesh.check_has_faces()?;
     let smallest_area = smallest_area(mesh)?;
     let mut mass = vec![0.0; mesh.n_vertices()];
-    let mut rows = Rows::new(mesh);
+    let mut weights = EdgeWeights::with_room(&room(mesh));
     for &face in mesh.faces() {
         let corners = face.map(|vertex| mesh.vertices()[vertex as usize]);
         let Some(triangle) = Triangle::new(corners, smallest_area) else { continue };
         for corner in 0..3 {
             let [_, from, to] = [0, 1, 2].map(|step| face[(corner + step) % 3]);
-            rows.add(from, to, -0.5 * triangle.cotangents[corner]);
+            weights.add(from, to, 0.5 * triangle.cotangents[corner]);
             mass[face[corner] as usize] += triangle.mass(corner, lumping);
         }
     }
     if mass.iter().any(|&it| it <= 0.0) {
         return Err(no_area(mesh, &mass));
     }
-    Ok(Operator { stiffness: rows.into_matrix(), mass })
+    Ok(Operator { stiffness: weights.into_stiffness(), mass })
+}
+
+/// How many edges the faces of every vertex name at it.
+fn room(mesh: &TriMesh) -> Vec<u32> {
+    let mut room = vec![0; mesh.n_vertices()];
+    for &vertex in mesh.faces().iter().flatten() {
+        room[vertex as usize] += 2;
+    }
+    room
 }
 
 /// The area at or below which a face is degenerate.
@@ -141,89 +153,6 @@ impl Triangle {
             }
         }
     }
-}
-
-/// Off-diagonal entries, gathered by row before equal columns are added up.
-///
-/// Faster than sorting triplets: rows are short and their lengths are known from the faces.
-struct Rows {
-    /// Where the entries of every row begin; a row has place for two entries a face.
-    begins: Vec<usize>,
-    n_entries: Vec<usize>,
-    entries: Vec<(u32, f64)>,
-}
-
-impl Rows {
-    fn new(mesh: &TriMesh) -> Self {
-        let mut begins = vec![0usize; mesh.n_vertices() + 1];
-        for &vertex in mesh.faces().iter().flatten() {
-            begins[vertex as usize + 1] += 2;
-        }
-        for row in 0..mesh.n_vertices() {
-            begins[row + 1] += begins[row];
-        }
-        let n_entries = vec![0; mesh.n_vertices()];
-        let entries = vec![(0, 0.0); begins[mesh.n_vertices()]];
-        Self { begins, n_entries, entries }
-    }
-
-    /// Adds an edge's weight to both triangles of the matrix.
-    fn add(&mut self, from: u32, to: u32, weight: f64) {
-        for (row, column) in [(from as usize, to), (to as usize, from)] {
-            self.entries[self.begins[row] + self.n_entries[row]] = (column, weight);
-            self.n_entries[row] += 1;
-        }
-    }
-
-    /// Sums equal columns in the order of the faces, which is the same for an entry and its mirror
-    /// image: the matrix is exactly symmetric.
-    fn into_matrix(mut self) -> CsrMatrix {
-        let n_rows = self.n_entries.len();
-        let n_stored_guess = self.entries.len() / 2 + n_rows;
-        let mut res = CsrMatrix {
-            n_rows,
-            n_cols: n_rows,
-            offsets: Vec::with_capacity(n_rows + 1),
-            columns: Vec::with_capacity(n_stored_guess),
-            values: Vec::with_capacity(n_stored_guess),
-        };
-        res.offsets.push(0);
-        for row in 0..n_rows {
-            let begin = self.begins[row];
-            let entries = &mut self.entries[begin..begin + self.n_entries[row]];
-            entries.sort_by_key(|it| it.0);
-            push_row(&mut res, row as u32, entries);
-        }
-        res
-    }
-}
-
-/// Appends a row whose diagonal is the negative sum of its other entries.
-fn push_row(matrix: &mut CsrMatrix, row: u32, entries: &[(u32, f64)]) {
-    let mut diagonal = None;
-    let mut sum = 0.0;
-    let mut rest = entries;
-    while let Some(&(column, _)) = rest.first() {
-        if column > row && diagonal.is_none() {
-            diagonal = Some(matrix.values.len());
-            matrix.columns.push(row);
-            matrix.values.push(0.0);
-        }
-        let n_equal = rest.iter().take_while(|it| it.0 == column).count();
-        let value: f64 = rest[..n_equal].iter().map(|it| it.1).sum();
-        matrix.columns.push(column);
-        matrix.values.push(value);
-        sum += value;
-        rest = &rest[n_equal..];
-    }
-    match diagonal {
-        Some(place) => matrix.values[place] = -sum,
-        None => {
-            matrix.columns.push(row);
-            matrix.values.push(-sum);
-        }
-    }
-    matrix.offsets.push(matrix.values.len());
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ pub type Vec3 = nalgebra::Vector3<f64>;
 /// A triangle mesh whose coordinates are finite and whose indices are in range.
 ///
 /// Nothing else is promised: faces may be degenerate or repeated, edges non-manifold, parts
-/// disconnected, vertices unreferenced. `V x 3` positions in the file's unit, `F x 3` indices,
+/// disconnected, vertices unreferenced. A mesh without any faces is a point cloud. `V x 3` positions in the file's unit, `F x 3` indices,
 /// counter-clockwise seen from outside where the mesh has an outside.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TriMesh {
@@ -19,8 +19,10 @@ pub struct TriMesh {
 pub enum MeshError {
     #[error("the mesh has no vertices")]
     NoVertices,
-    #[error("the mesh has {n_vertices} vertices but no faces")]
-    NoFaces { n_vertices: usize },
+    #[error(
+        "there are {n_points} points but no faces: this is a point cloud, and a surface is needed"
+    )]
+    PointCloud { n_points: usize },
     #[error("vertex {vertex} has the coordinate {value}")]
     NotFinite { vertex: usize, value: f64 },
     #[error("face {face} refers to vertex {vertex}, but the mesh has {n_vertices} vertices")]
@@ -42,15 +44,36 @@ impl TriMesh {
                 return Err(MeshError::NotFinite { vertex, value });
             }
         }
-        if faces.is_empty() {
-            return Err(MeshError::NoFaces { n_vertices });
-        }
         for (face, corners) in faces.iter().enumerate() {
             if let Some(&vertex) = corners.iter().find(|&&it| it as usize >= n_vertices) {
                 return Err(MeshError::OutOfRange { face, vertex, n_vertices });
             }
         }
         Ok(Self { vertices, faces })
+    }
+
+    /// A point cloud.
+    ///
+    /// # Errors
+    /// See [`MeshError`]; the first offending point is named.
+    pub fn from_points(points: Vec<Vec3>) -> Result<Self, MeshError> {
+        Self::new(points, Vec::new())
+    }
+
+    /// Whether there are no faces.
+    pub fn is_point_cloud(&self) -> bool {
+        self.faces.is_empty()
+    }
+
+    /// Refuses a point cloud, for what works on faces.
+    ///
+    /// # Errors
+    /// [`MeshError::PointCloud`].
+    pub fn check_has_faces(&self) -> Result<(), MeshError> {
+        match self.is_point_cloud() {
+            true => Err(MeshError::PointCloud { n_points: self.n_vertices() }),
+            false => Ok(()),
+        }
     }
 
     /// `V` positions.
@@ -138,7 +161,18 @@ mod tests {
         let error = TriMesh::new(vertices, vec![[0, 1, 2]]).unwrap_err();
         assert_eq!(error.to_string(), "vertex 2 has the coordinate NaN");
         assert_eq!(TriMesh::new(vec![], vec![]), Err(MeshError::NoVertices));
-        assert_eq!(TriMesh::new(triangle(), vec![]), Err(MeshError::NoFaces { n_vertices: 3 }));
+    }
+
+    #[test]
+    fn points_alone_are_a_cloud() {
+        let cloud = TriMesh::from_points(triangle()).unwrap();
+        assert!(cloud.is_point_cloud());
+        assert_eq!(
+            cloud.check_has_faces().unwrap_err().to_string(),
+            "there are 3 points but no faces: this is a point cloud, and a surface is needed"
+        );
+        assert_eq!((cloud.n_vertices(), cloud.n_faces(), cloud.area()), (3, 0, 0.0));
+        assert_eq!(TriMesh::from_points(vec![]), Err(MeshError::NoVertices));
     }
 
     #[test]

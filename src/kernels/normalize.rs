@@ -39,17 +39,23 @@ impl Similarity {
 pub enum NormalizeError {
     #[error("the mesh has no area: all {n_faces} faces are points or lines")]
     NoArea { n_faces: usize },
+    #[error("a point cloud has no area to become one; its height or its box can")]
+    CloudArea,
     #[error("the mesh has no {what}")]
     NoExtent { what: &'static str },
 }
 
-/// Moves the centroid of the area to the origin and scales the mesh to a unit size.
+/// Moves the centroid of the area to the origin and scales the mesh to a unit size. A point cloud's
+/// centroid is that of its points.
 ///
 /// # Errors
 /// If the mesh has no area or no extent to scale by.
 pub fn normalize(mesh: &TriMesh, unit: UnitSize) -> Result<(TriMesh, Similarity), NormalizeError> {
     let area = mesh.area();
-    if !(area > 0.0) {
+    if mesh.is_point_cloud() && unit == UnitSize::Area {
+        return Err(NormalizeError::CloudArea);
+    }
+    if !(area > 0.0 || mesh.is_point_cloud()) {
         return Err(NormalizeError::NoArea { n_faces: mesh.n_faces() });
     }
     let (low, high) = mesh.bounds();
@@ -69,8 +75,11 @@ pub fn normalize(mesh: &TriMesh, unit: UnitSize) -> Result<(TriMesh, Similarity)
     Ok((normalized, similarity))
 }
 
-/// The mean position over the surface.
+/// The mean position over the surface, or of the points.
 fn centroid(mesh: &TriMesh, area: f64) -> Vec3 {
+    if mesh.is_point_cloud() {
+        return mesh.vertices().iter().sum::<Vec3>() / mesh.n_vertices() as f64;
+    }
     let sum: Vec3 = (0..mesh.n_faces())
         .map(|face| {
             let [a, b, c] = mesh.corners(face);
@@ -101,6 +110,15 @@ mod tests {
                 assert!((high.y - low.y - 1.0).abs() < 1e-9);
             }
         }
+    }
+
+    #[test]
+    fn a_cloud_has_a_height_but_no_area() {
+        let cloud = TriMesh::from_points(icosphere(2).vertices().to_vec()).unwrap();
+        let (unit, _) = normalize(&cloud, UnitSize::Height).unwrap();
+        let (low, high) = unit.bounds();
+        assert!((high.y - low.y - 1.0).abs() < 1e-12 && (high.y + low.y).abs() < 1e-12);
+        assert_eq!(normalize(&cloud, UnitSize::Area), Err(NormalizeError::CloudArea));
     }
 
     #[test]

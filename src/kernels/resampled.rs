@@ -30,11 +30,7 @@ pub enum ResampledError {
 
 impl Resampled {
     /// A mesh whose vertices are some of the old ones: `old_of_new` names them.
-    pub(super) fn from_selection(
-        mesh: TriMesh,
-        old_of_new: &[u32],
-        new_of_old: Vec<Option<u32>>,
-    ) -> Self {
+    pub fn from_selection(mesh: TriMesh, old_of_new: &[u32], new_of_old: Vec<Option<u32>>) -> Self {
         let new_from_old = CsrMatrix {
             n_rows: old_of_new.len(),
             n_cols: new_of_old.len(),

@@ -37,12 +37,13 @@ const LIMIT: u64 = 1 << 26;
 /// treated like boundaries. Faces that name a vertex twice are left out.
 ///
 /// # Errors
-/// [`SubdivideError::TooMany`], or no face is left that names three vertices.
+/// [`SubdivideError::TooMany`], or there is no face that names three vertices.
 pub fn subdivide(
     mesh: &TriMesh,
     scheme: Scheme,
     levels: usize,
 ) -> Result<Resampled, SubdivideError> {
+    mesh.check_has_faces()?;
     let n_faces = (mesh.n_faces() as u64).saturating_mul(4u64.saturating_pow(levels as u32));
     if n_faces > LIMIT {
         return Err(SubdivideError::TooMany { levels, n_faces, limit: LIMIT });
@@ -65,6 +66,7 @@ pub fn subdivide(
     };
     let vertices = (0..new_from_old.n_rows).map(position).collect();
     let mesh = TriMesh::new(vertices, faces)?;
+    mesh.check_has_faces()?;
     let new_of_old = (0..n_old as u32).map(Some).collect();
     Ok(Resampled { mesh, new_from_old, new_of_old })
 }

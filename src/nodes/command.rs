@@ -2,6 +2,7 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
+    fmt,
     process::Stdio,
 };
 
@@ -54,7 +55,7 @@ pub struct Command {
     /// Its environment, beside `PATH` and `HOME` of the user, a `TMPDIR` of its own, `LANG=C.UTF-8`,
     /// `TZ=UTC`, and one thread for numerical libraries (`OMP_NUM_THREADS=1` and its like).
     #[serde(default)]
-    pub env: BTreeMap<String, String>,
+    pub env: BTreeMap<String, Argument>,
     /// Whether `command` is one text for `sh -c`.
     #[serde(default)]
     pub shell: bool,
@@ -70,7 +71,7 @@ pub struct Command {
     /// prints counts. It is asked when the pipeline is planned; the answer of a binary to a single flag is
     /// remembered until the binary changes.
     #[serde(default)]
-    pub version: Option<Vec<String>>,
+    pub version: Option<Vec<Argument>>,
 }
 
 /// What is run.
@@ -78,9 +79,28 @@ pub struct Command {
 #[serde(untagged)]
 pub enum CommandLine {
     /// A program and its arguments.
-    Arguments(Vec<String>),
+    Arguments(Vec<Argument>),
     /// A line for a shell.
     Shell(String),
+}
+
+/// One argument.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Argument {
+    Text(String),
+    Integer(i64),
+    Number(f64),
+}
+
+impl fmt::Display for Argument {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Text(text) => text.fmt(f),
+            Self::Integer(value) => value.fmt(f),
+            Self::Number(value) => value.fmt(f),
+        }
+    }
 }
 
 impl Command {
@@ -90,27 +110,32 @@ impl Command {
         Output::new("stderr", "what it printed as errors, of a long text the end");
 
     /// The arguments as they are written.
-    fn arguments(&self) -> &[String] {
+    fn arguments(&self) -> Vec<String> {
         match &self.command {
-            CommandLine::Arguments(arguments) => arguments,
-            CommandLine::Shell(line) => std::slice::from_ref(line),
+            CommandLine::Arguments(arguments) => shown(arguments),
+            CommandLine::Shell(line) => vec![line.clone()],
         }
     }
 
     /// Every text that may hold slots, with the name of its field.
-    fn texts(&self) -> impl Iterator<Item = (&'static str, &str)> {
-        let arguments = self.arguments().iter().map(|it| ("command", it.as_str()));
-        let env = self.env.values().map(|it| ("env", it.as_str()));
-        let stdin = self.stdin.iter().map(|it| ("stdin", it.as_str()));
-        let stdout = self.stdout_to.iter().map(|it| ("stdout_to", it.as_str()));
+    fn texts(&self) -> impl Iterator<Item = (&'static str, String)> {
+        let arguments = self.arguments().into_iter().map(|it| ("command", it));
+        let env = self.env.values().map(|it| ("env", it.to_string()));
+        let stdin = self.stdin.iter().map(|it| ("stdin", it.clone()));
+        let stdout = self.stdout_to.iter().map(|it| ("stdout_to", it.clone()));
         arguments.chain(env).chain(stdin).chain(stdout)
+    }
+
+    /// The declared environment as it is written.
+    fn environment(&self) -> BTreeMap<String, String> {
+        self.env.iter().map(|(name, value)| (name.clone(), value.to_string())).collect()
     }
 
     /// All slots, each once, with the name of the field that has it.
     fn slots(&self) -> Result<BTreeMap<Slot, &'static str>, String> {
         let mut res = BTreeMap::new();
         for (field, text) in self.texts() {
-            let parts = template::parse(text).map_err(|e| format!("`{field}`: {e}"))?;
+            let parts = template::parse(&text).map_err(|e| format!("`{field}`: {e}"))?;
             let slots = parts.into_iter().filter_map(|it| match it {
                 Part::Slot(slot) => Some(slot),
                 Part::Plain(_) => None,
@@ -130,7 +155,7 @@ impl Command {
             CommandLine::Arguments(_) if self.shell => {
                 Err("`command` must be one text for `shell`".to_owned())
             }
-            CommandLine::Arguments(arguments) => match arguments.first().map(String::as_str) {
+            CommandLine::Arguments(_) => match self.arguments().first().map(String::as_str) {
                 None | Some("") => Err("`command` names no program".to_owned()),
                 Some(name) if name.contains('/') && !name.starts_with(['/', '{']) => Err(format!(
                     "`command` runs in a folder of its own, where there is no `{name}`: declare it in \
@@ -199,7 +224,7 @@ impl Command {
                 if self.inputs.get(port).is_some_and(|it| it.takes_list()))
         };
         for (field, text) in self.texts() {
-            let parts = template::parse(text)?;
+            let parts = template::parse(&text)?;
             let may_be_list = field == "command" && (parts.len() == 1 || self.shell);
             if parts.iter().any(is_list) && !may_be_list {
                 return Err(format!(
@@ -229,7 +254,7 @@ impl Node for Command {
         cites: &[],
         example: r#"[nodes.body]
 kind = "synthesize"
-n_vertices = 300
+n_vertices = 1000
 
 [nodes.copy]
 kind = "command"
@@ -244,6 +269,8 @@ mesh = "@copy"
 "#,
     };
 
+    const HANDLES_LIMITS: bool = true;
+
     fn validate(&self) -> Result<(), String> {
         self.validate_line()?;
         let slots = self.slots()?;
@@ -254,10 +281,8 @@ mesh = "@copy"
             return Err(format!("`env` has \"{name}\", which is no name of a variable"));
         }
         let texts = self.texts().map(|it| it.1);
-        if texts
-            .chain(self.version.iter().flatten().map(String::as_str))
-            .any(|it| it.contains('\0'))
-        {
+        let version = self.version.iter().flatten().map(ToString::to_string);
+        if texts.chain(version).any(|it| it.contains('\0')) {
             return Err("a text has a zero byte, which no program can be given".to_owned());
         }
         match &self.version {
@@ -287,7 +312,8 @@ mesh = "@copy"
     }
 
     fn question(&self) -> Option<Question> {
-        self.version.as_ref().map(|it| version::question(it, &self.env))
+        let arguments = shown(self.version.as_ref()?);
+        Some(version::question(&arguments, &self.environment()))
     }
 
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
@@ -315,10 +341,10 @@ impl Command {
     fn start(&self, io: &NodeIo<'_>, folder: &Folder) -> Result<Printed, NodeError> {
         let fill = |text: &str| folder.filled_in(io, text, &self.files);
         let one = |text: &str| fill(text).join(" ");
-        let declared = self.env.iter().map(|(name, value)| (name.clone(), one(value))).collect();
+        let declared = self.environment().into_iter().map(|(name, it)| (name, one(&it))).collect();
         let environment = program::environment(&declared, &folder.temporary());
         let arguments: Vec<String> = match &self.command {
-            CommandLine::Arguments(arguments) => arguments.iter().flat_map(|it| fill(it)).collect(),
+            CommandLine::Arguments(_) => self.arguments().iter().flat_map(|it| fill(it)).collect(),
             CommandLine::Shell(line) => vec!["sh".to_owned(), "-c".to_owned(), one(line)],
         };
         let name = arguments[0].clone();
@@ -329,14 +355,15 @@ impl Command {
             arguments: arguments.into_iter().map(Into::into).collect(),
             folder: folder.path().to_owned(),
             environment,
-            own_group: true,
+            own_group: !io.surroundings().isolated,
         };
         let stdin = match &self.stdin {
             Some(text) => folder.open(&one(text))?,
             None => Stdio::null(),
         };
         let stdout = self.stdout_to.as_ref().map(|it| folder.create(&one(it))).transpose()?;
-        let (end, printed) = program::run(&program, stdin, stdout, &|| false)
+        let is_unwanted = || io.cancel().is_cancelled();
+        let (end, printed) = program::run(&program, stdin, stdout, &is_unwanted)
             .map_err(|e| NodeError::environment(format!("cannot start `{name}`: {e}")))?;
         let how = match end {
             End::Exited(0) => return Ok(printed),
@@ -348,6 +375,10 @@ impl Command {
             shown_end(if printed.stderr.is_empty() { &printed.stdout } else { &printed.stderr });
         Err(NodeError::failed(format!("`{name}` {how}{last}")))
     }
+}
+
+fn shown(arguments: &[Argument]) -> Vec<String> {
+    arguments.iter().map(ToString::to_string).collect()
 }
 
 /// The last lines of what a program printed, to follow a message.

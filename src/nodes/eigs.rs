@@ -18,7 +18,8 @@ pub struct Eigs {
     /// What to do with a shape of several parts, each of which has an eigenvalue zero of its own.
     #[serde(default)]
     pub disconnected: OnDisconnected,
-    /// The largest accepted residual, in parts of the largest eigenvalue.
+    /// The largest accepted residual, in parts of the largest eigenvalue. Where weights are so uneven
+    /// that rounding alone makes more, that much is accepted, up to 1e-6.
     #[serde(default = "default_tolerance")]
     #[schemars(range(min = 1e-13, max = 1e-3))]
     pub tolerance: f64,

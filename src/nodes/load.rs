@@ -25,6 +25,7 @@ use crate::kernels::{
 ///
 /// Formats: obj, off (ASCII), ply and stl (ASCII and binary), glb and gltf. Vertices keep their order
 /// and number, but for the joining of corners that stl and `weld` do. Polygons are cut into fans.
+/// An obj, off or ply file without faces is a point cloud, and so is an xyz file (a point a line).
 /// Either `path` names the file, or `file` is wired to a download.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

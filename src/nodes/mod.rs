@@ -17,6 +17,7 @@ mod load;
 mod make_body;
 mod normalize;
 mod plot;
+mod point_cloud;
 mod python;
 mod regressor;
 mod rig;
@@ -47,7 +48,8 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<normalize::Normalize>(),
     NodeKind::of::<plot::Plot>(),
-    NodeKind::open::<python::Python>(),
+    NodeKind::of::<point_cloud::PointCloud>(),
+    NodeKind::open_labelled::<python::Python>(),
     NodeKind::of::<regressor::RegressorNode>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<snapshot::Snapshot>(),

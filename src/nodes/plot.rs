@@ -1,10 +1,12 @@
 //! Kind `plot`.
 
+use std::sync::Arc;
+
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::engine::node::{Inputs, Node, NodeError, NodeIo, Output, Spec};
+use crate::engine::node::{Labelled, LabelledInputs, Node, NodeError, NodeIo, Output, Spec};
 use crate::kernels::figure::{
     Band, Figure, FigureOptions, Legend, ReferenceLine, Scale, Style, draw_figure,
 };
@@ -12,7 +14,8 @@ use crate::kernels::table::{Condition, Part, Table, select_rows, stack};
 
 /// Draws the rows of tables as a figure of a paper.
 ///
-/// Columns are given by name; their units go into the labels. Rows of statistics that a `table` added are
+/// Columns are given by name; their units go into the labels. Axes that are gathered (`over`) are columns
+/// too, to be used as `x` or `group`. Rows of statistics that a `table` added are
 /// not drawn, and rows with a missing number are left out and counted in a note. The figure is
 /// written as `.svg` (with texts as texts) and `.png` (two pixels a unit), on white.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -112,7 +115,8 @@ fn default_label_column() -> String {
 }
 
 impl Plot {
-    const ROWS: Inputs<Table> = Inputs::new("rows", "the tables; their rows are put together");
+    const ROWS: LabelledInputs<Table> =
+        LabelledInputs::new("rows", "the tables; their rows are put together");
     const FIGURE: Output<Figure> = Output::new("figure", "the drawing");
 
     fn options(&self) -> FigureOptions {
@@ -168,14 +172,23 @@ lines = [{ y = 4.0, label = "paper" }]
     }
 
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
-        let tables = io.get_all(Self::ROWS);
-        let tables = tables.iter().map(|it| &**it);
-        let rows = stack(&Part::labelled(tables, &self.labels, &self.label_column)?)?;
+        let gathered = io.get_labelled(Self::ROWS);
+        let parts = gathered.iter().map(part).collect();
+        let rows = stack(&Part::named(parts, &self.labels, &self.label_column)?)?;
         let drawn = draw_figure(&select_rows(rows, &self.conditions)?, &self.options())?;
         for note in drawn.notes {
             io.note(note);
         }
         io.put(Self::FIGURE, drawn.figure);
         Ok(())
+    }
+}
+
+/// A gathered table with the items of the axes that it belongs to.
+fn part(gathered: &Labelled<Table>) -> Part<'_> {
+    let label = |(axis, item): &(Arc<str>, Arc<str>)| (axis.to_string(), item.to_string());
+    Part {
+        labels: gathered.labels.iter().map(label).collect(),
+        table: gathered.value.as_deref().map_err(|why| why.to_string()),
     }
 }

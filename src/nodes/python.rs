@@ -26,9 +26,9 @@ use interpreter::{Script, Source};
 
 /// Calls a function of a Python script.
 ///
-/// It is called with the inputs, `params` and the paths of `files` as keyword arguments. An input is a
-/// dictionary of numpy arrays by their names in the type, which are attributes as well
-/// (`source.eigenvectors`); a list of wires gives a list. A `table` is a dictionary of columns, a `text`
+/// It is called with the inputs, `params` and the paths of `files` as keyword arguments. An input has
+/// its numpy arrays as attributes and by name (`source.eigenvectors`, `source["eigenvectors"]`). A list of wires gives a list, whose `labels` say what the items of axes are
+/// called; with `missing = "show"`, what failed is `None` in it, and `missing` says why. A `table` is a dictionary of columns, a `text`
 /// a `str`, `files` a dictionary of `bytes`. What it returns has the same form: a dictionary of outputs,
 /// or the one output itself. For a table, a list of records does too.
 ///
@@ -117,7 +117,8 @@ impl Python {
             .map(|(name, file)| Ok((name.clone(), source(file)?)))
             .collect::<Result<BTreeMap<String, Source>, NodeError>>()?;
         let (interpreter, environment) = self.interpreter();
-        Ok(Script { interpreter, environment, script: source(&self.script)?, modules })
+        let (script, own_group) = (source(&self.script)?, !io.surroundings().isolated);
+        Ok(Script { interpreter, environment, own_group, script, modules })
     }
 
     /// The keyword arguments that are no artifacts.
@@ -139,7 +140,7 @@ impl Node for Python {
         cites: &[],
         example: r#"[nodes.body]
 kind = "synthesize"
-n_vertices = 300
+n_vertices = 1000
 
 [nodes.lengths]
 kind = "python"
@@ -150,6 +151,8 @@ params = { digits = 6 }
 outputs = { lengths = "table" }
 "#,
     };
+
+    const HANDLES_LIMITS: bool = true;
 
     const WHERE: &'static [&'static str] = &["python"];
 
@@ -208,7 +211,8 @@ outputs = { lengths = "table" }
             "outputs": taken.request(),
         });
         io.progress(None, &format!("calling `{}`", self.function));
-        let printed = pool::call(&self.script(io)?, &request, &|| false)?;
+        let is_unwanted = || io.cancel().is_cancelled();
+        let printed = pool::call(&self.script(io)?, &request, &is_unwanted)?;
         for (port, artifact) in taken.read()? {
             io.put_any(port, artifact);
         }

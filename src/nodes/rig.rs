@@ -124,9 +124,9 @@ mod tests {
             ("skeleton", artifact(skeleton(3))),
             ("weights", artifact(weights)),
         ]);
-        let (surroundings, labels) = (Surroundings::default(), BTreeMap::new());
-        let mut io =
-            NodeIo::new(&RigNode::SPEC, inputs, labels, BTreeMap::new(), &surroundings, &|_, _| {});
+        let surroundings = Surroundings::default();
+        let (labels, files) = (BTreeMap::new(), BTreeMap::new());
+        let mut io = NodeIo::new(&RigNode::SPEC, inputs, labels, files, &surroundings, &|_, _| {});
         node.run(&mut io)?;
         Ok(io.finish())
     }

@@ -1,10 +1,12 @@
 //! Kind `table`.
 
-use indexmap::IndexMap;
+use std::sync::Arc;
+
+use indexmap::{IndexMap, IndexSet};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::engine::node::{Inputs, Node, NodeError, NodeIo, Output, Spec};
+use crate::engine::node::{Labelled, LabelledInputs, Node, NodeError, NodeIo, Output, Spec};
 use crate::kernels::table::{
     Best, BestIn, Condition, Missing, Order, Part, Pivot, Statistic, Table, TableError,
     add_statistics, group, mark_best, mark_best_in_rows, pivot, rename, select_columns,
@@ -14,8 +16,9 @@ use crate::kernels::table::{
 /// Puts tables below each other and makes a paper's table of them.
 ///
 /// Columns are matched by name; what a table lacks is missing: it is shown as `–`, left out of every
-/// statistic, and counted. Parameters act in the order in which they stand here, and up to `columns`
-/// they know columns by the names that these have in the tables.
+/// statistic, and counted. Axes that are gathered (`over`) give a column of labels each, and with
+/// `missing = "show"` an item that failed is a row that says why. Parameters act in the order in which
+/// they stand here; each knows the columns by the names that they have by then.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TableNode {
@@ -72,7 +75,8 @@ fn default_label_column() -> String {
 }
 
 impl TableNode {
-    const ROWS: Inputs<Table> = Inputs::new("rows", "the tables, from top to bottom");
+    const ROWS: LabelledInputs<Table> =
+        LabelledInputs::new("rows", "the tables, from top to bottom");
     const TABLE: Output<Table> = Output::new("table", "all rows");
 
     /// The rows in their order, with the best ones marked, and the columns that hold labels.
@@ -170,10 +174,11 @@ decimals = { error = 2 }
     }
 
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
-        let tables = io.get_all(Self::ROWS);
-        let tables = tables.iter().map(|it| &**it);
-        let parts = Part::labelled(tables, &self.labels, &self.label_column)?;
-        let labels = parts.iter().flat_map(|it| &it.labels).map(|it| it.0.clone()).collect();
+        let gathered = io.get_labelled(Self::ROWS);
+        let parts = gathered.iter().map(part).collect();
+        let parts = Part::named(parts, &self.labels, &self.label_column)?;
+        let labels = parts.iter().flat_map(|it| &it.labels).map(|it| it.0.clone());
+        let labels: Vec<String> = labels.collect::<IndexSet<_>>().into_iter().collect();
         let mut table = select_rows(stack(&parts)?, &self.conditions)?;
         for missing in Missing::of(&table) {
             io.note(missing.to_string());
@@ -187,5 +192,14 @@ decimals = { error = 2 }
         }
         io.put(Self::TABLE, self.finished(arranged)?);
         Ok(())
+    }
+}
+
+/// A gathered table with the items of the axes that it belongs to.
+fn part(gathered: &Labelled<Table>) -> Part<'_> {
+    let label = |(axis, item): &(Arc<str>, Arc<str>)| (axis.to_string(), item.to_string());
+    Part {
+        labels: gathered.labels.iter().map(label).collect(),
+        table: gathered.value.as_deref().map_err(|why| why.to_string()),
     }
 }

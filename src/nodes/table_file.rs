@@ -22,7 +22,7 @@ pub struct TableFile {
     pub texts: Vec<String>,
     /// What stands for a missing value, beside nothing at all.
     #[serde(default = "default_missing")]
-    pub missing: Vec<String>,
+    pub missing_values: Vec<String>,
     /// TOML: the name of the array of tables; needed if there are several.
     #[serde(default)]
     pub list: Option<String>,
@@ -53,7 +53,7 @@ impl Node for TableFile {
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
         let options = TableFileOptions {
             texts: self.texts.clone(),
-            missing: self.missing.clone(),
+            missing: self.missing_values.clone(),
             list: self.list.clone(),
         };
         let table = read_table(&self.path.extension(), &io.read(&self.path.0)?, &options)?;

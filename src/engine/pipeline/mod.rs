@@ -35,6 +35,7 @@ use std::path::{Path, PathBuf};
 
 pub use diagnostic::{Diagnostic, Diagnostics, Severity};
 pub use nearest::{nearest, suggest};
+pub use open_ports::with_ports;
 
 use self::{expand::Expansion, parse::Document, sources::Sources};
 use super::{graph::Graph, library::Library};

@@ -9,6 +9,8 @@ use std::{
     sync::{Arc, LazyLock, Mutex},
 };
 
+use serde_json::Value as Json;
+
 use super::{
     diagnostic::{Diagnostic, Problems},
     nearest::suggest,
@@ -20,12 +22,13 @@ use crate::engine::{
     library::Library,
     node::{Arity, NodeKind, Port, Spec},
     params::Fields,
+    settings::is_node_key,
 };
 
 const INPUTS: &str = "inputs";
 const OUTPUTS: &str = "outputs";
 
-/// Keys of every node, which would be taken for an input of such a name.
+/// Keys of nodes, which would be taken for an input of such a name, beside those of [`is_node_key`].
 const RESERVED: [&str; 3] = ["kind", "missing", "over"];
 
 /// The kind with the ports that the fields of a node declare, and the fields with every wire under the
@@ -54,6 +57,25 @@ pub fn declared(
     }
     fields.extend(wires);
     (kind_with(ports, kind), fields)
+}
+
+/// The kind with the ports that its parameters are left with; any other kind as it is.
+///
+/// # Panics
+/// If the parameters are not those of a checked node.
+pub fn with_ports(kind: &'static NodeKind, params: &Json, library: &Library) -> &'static NodeKind {
+    if !kind.open {
+        return kind;
+    }
+    let table = |name: &str| params[name].as_object().into_iter().flatten();
+    let arity = |it: &Json| serde_json::from_value(it.clone()).expect("checked parameters");
+    let ty = |it: &Json| {
+        let known = it.as_str().and_then(|it| library.artifact_kind(it));
+        Type(known.expect("checked parameters").ty)
+    };
+    let inputs = table(INPUTS).map(|(name, it)| (name.as_str().into(), arity(it))).collect();
+    let outputs = table(OUTPUTS).map(|(name, it)| (name.as_str().into(), ty(it))).collect();
+    kind_with(Ports { inputs, outputs }, kind)
 }
 
 /// The ports of one node, in the order of the file.
@@ -94,7 +116,7 @@ fn read_inputs(
         if !parse::check_name(key, problems) {
             return false;
         }
-        if RESERVED.contains(&&*key.name) {
+        if RESERVED.contains(&&*key.name) || is_node_key(&key.name) {
             let message = format!("`{}` is a key of every node", key.name);
             let hint = "give the input another name".to_owned();
             problems.push(Diagnostic::error(&key.place, message).hint(hint));
@@ -207,9 +229,10 @@ fn kind_with(ports: Ports, open: &'static NodeKind) -> &'static NodeKind {
 }
 
 fn new_kind(ports: &Ports, open: &NodeKind) -> NodeKind {
-    let port = |name: &str, doc, ty, arity| {
+    let port = |name: &str, doc, ty, arity: Arity| {
         let name = Box::leak(name.to_owned().into_boxed_str());
-        Port { name, doc, ty, arity, labelled: false, aside: false }
+        let labelled = open.labels_lists && arity.takes_list();
+        Port { name, doc, ty, arity, labelled, aside: false }
     };
     let input = |(name, arity): &(Arc<str>, Arity)| {
         port(name, "what the pipeline wires to it", ANY, *arity)

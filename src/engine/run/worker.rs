@@ -122,7 +122,12 @@ fn run_node(
         let _ = messages.send(Message::Progress { instance: index, fraction, text });
     };
     if instance.needs_process() {
-        let result = isolated::run(context, instance, &inputs, threads, &cancel, &progress);
+        let start = Instant::now();
+        let run = || isolated::run(context, instance, &inputs, threads, &cancel, &progress);
+        let result = guarded(run).unwrap_or_else(|message| {
+            let failure = Failure::Panic(message);
+            JobResult::Failed { failure, wall: start.elapsed() }
+        });
         return (Vec::new(), result);
     }
     let start = Instant::now();

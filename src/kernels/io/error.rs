@@ -13,8 +13,6 @@ pub enum ReadError {
     Byte { format: &'static str, offset: usize, what: String },
     #[error("the {format} file ends too early: {what} ends at byte {needed}, but there are {len}")]
     Truncated { format: &'static str, what: String, needed: u64, len: usize },
-    #[error("the {format} file has {n_points} points but no faces: it is a point cloud, no mesh")]
-    PointCloud { format: &'static str, n_points: usize },
     #[error("{format} file: {what}")]
     Content { format: &'static str, what: String },
     #[error("{format} file: {error}")]

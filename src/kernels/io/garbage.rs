@@ -29,6 +29,7 @@ fn files() -> Vec<(&'static str, Vec<u8>)> {
         ("off", write_off(&mesh)),
         ("ply", write_ply(&mesh, PlyExtras::default())),
         ("ply", text.to_vec()),
+        ("xyz", b"0 0 0\n1 0 0 255 0 0\n0 1 0.5\n".to_vec()),
         ("stl", write_stl(&mesh)),
         ("stl", ascii.to_vec()),
         ("glb", super::glb::small_rig()),
@@ -59,8 +60,8 @@ fn beginnings_of_files_are_errors_or_meshes() {
         assert_eq!(read(extension, &bytes), Ok(()), "{extension}");
         for len in 0..bytes.len() {
             let result = read(extension, &bytes[..len]);
-            let is_text =
-                ["csv", "obj", "off", "toml"].contains(&extension) || bytes.starts_with(b"solid");
+            let is_text = ["csv", "obj", "off", "toml", "xyz"].contains(&extension)
+                || bytes.starts_with(b"solid");
             assert!(is_text || len + 2 > bytes.len() || result.is_err(), "{extension} {len}");
             assert!(result.err().is_none_or(|it| !it.contains('\n')));
         }

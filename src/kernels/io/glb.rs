@@ -14,6 +14,8 @@ const FLOAT: u32 = 5126;
 const U16: u32 = 5123;
 const U32: u32 = 5125;
 const ARRAY_BUFFER: u32 = 34962;
+const POINTS: u32 = 0;
+const TRIANGLES: u32 = 4;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
 /// What is written into one file.
@@ -59,12 +61,14 @@ pub struct Glb {
 pub fn write_glb(scene: GlbScene<'_>) -> Glb {
     let mut out = Out::default();
     let (attributes, cut) = attributes(&mut out, &scene);
-    let indices = bytemuck::cast_slice(scene.mesh.faces());
-    let indices = out.accessor(indices, U32, "SCALAR", 1, Some(ELEMENT_ARRAY_BUFFER), false);
-    let mesh = json!({
-        "name": "mesh",
-        "primitives": [{ "attributes": attributes, "indices": indices, "mode": 4 }],
-    });
+    let mut primitive = json!({ "attributes": attributes, "mode": POINTS });
+    if !scene.mesh.is_point_cloud() {
+        let indices = bytemuck::cast_slice(scene.mesh.faces());
+        let indices = out.accessor(indices, U32, "SCALAR", 1, Some(ELEMENT_ARRAY_BUFFER), false);
+        primitive["indices"] = json!(indices);
+        primitive["mode"] = json!(TRIANGLES);
+    }
+    let mesh = json!({ "name": "mesh", "primitives": [primitive] });
     let mut document = json!({
         "asset": { "version": "2.0", "generator": concat!("sinew ", env!("CARGO_PKG_VERSION")) },
         "scene": 0,
@@ -461,6 +465,19 @@ mod tests {
         let (mesh, skeleton, weights, clip) = arm();
         let rig = GlbRig { skeleton: &skeleton, weights: Some(&weights), clips: &[clip] };
         write_glb(GlbScene { mesh: &mesh, colours: None, rig: Some(rig), max_influences })
+    }
+
+    #[test]
+    fn a_point_cloud_is_written_as_points() {
+        let (mesh, ..) = arm();
+        let cloud = TriMesh::from_points(mesh.vertices().to_vec()).unwrap();
+        let scene = GlbScene { mesh: &cloud, colours: None, rig: None, max_influences: 4 };
+        let bytes = write_glb(scene).bytes;
+        let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+        let document: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+        let primitive = &document["meshes"][0]["primitives"][0];
+        assert_eq!(primitive["mode"], json!(0));
+        assert!(primitive.get("indices").is_none(), "{primitive}");
     }
 
     #[test]

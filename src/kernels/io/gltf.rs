@@ -103,6 +103,7 @@ pub fn read_gltf(
         ));
     }
     let mesh = TriMesh::new(parts.vertices, parts.faces).map_err(ReadError::mesh(FORMAT))?;
+    mesh.check_has_faces().map_err(ReadError::mesh(FORMAT))?;
     let mut res = Character { notes, ..Character::of_mesh(mesh) };
     if let Some(rig) = rig {
         let weights = SkinWeights::from_rows(rig.joint_nodes.len(), &parts.rows)

@@ -20,6 +20,7 @@ pub mod stl;
 pub mod table_file;
 pub mod table_text;
 pub mod uri;
+pub mod xyz;
 pub mod zip;
 
 #[cfg(test)]

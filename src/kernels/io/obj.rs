@@ -7,7 +7,7 @@ use crate::kernels::mesh::{TriMesh, Vec3};
 
 const FORMAT: &str = "OBJ";
 
-/// Reads all vertices and the faces of all groups and objects.
+/// Reads all vertices and the faces of all groups and objects; without faces, a point cloud.
 ///
 /// Vertices keep their order and number, used or not, so that indices from elsewhere (landmarks,
 /// correspondences) stay valid: the reason for a reader of our own, since `tobj` numbers vertices by
@@ -16,7 +16,7 @@ const FORMAT: &str = "OBJ";
 /// are skipped.
 ///
 /// # Errors
-/// With the line where a face or a number is wrong; [`ReadError::PointCloud`] without faces.
+/// With the line where a face or a number is wrong.
 pub fn read_obj(bytes: &[u8]) -> Result<TriMesh, ReadError> {
     let mut vertices = Vec::new();
     let mut faces = Vec::new();
@@ -50,9 +50,6 @@ pub fn read_obj(bytes: &[u8]) -> Result<TriMesh, ReadError> {
         let index = faces[face].iter().max().map_or(0, |&it| u64::from(it) + 1);
         let what = format!("a face refers to vertex {index}, but the file has {n_vertices}");
         return Err(ReadError::line(FORMAT, face_lines[face], what));
-    }
-    if faces.is_empty() && n_vertices > 0 {
-        return Err(ReadError::PointCloud { format: FORMAT, n_points: n_vertices });
     }
     TriMesh::new(vertices, faces).map_err(ReadError::mesh(FORMAT))
 }
@@ -121,10 +118,7 @@ mod tests {
         assert_eq!(error(""), "the OBJ file is empty");
         assert_eq!(error("v 0 0\n"), "OBJ file, line 1: the line ends before z");
         assert_eq!(error("v 0 x 0\n"), "OBJ file, line 1: `x` is no number for y");
-        assert_eq!(
-            error(three),
-            "the OBJ file has 3 points but no faces: it is a point cloud, no mesh"
-        );
+        assert!(read_obj(three.as_bytes()).unwrap().is_point_cloud());
         assert_eq!(error(&format!("{three}f 1 2\n")), "OBJ file, line 4: a face with 2 corners");
         assert_eq!(
             error(&format!("{three}f 1 2 7\n")),

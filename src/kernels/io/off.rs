@@ -9,10 +9,10 @@ const FORMAT: &str = "OFF";
 
 /// Reads `OFF` with any of the prefixes `ST`, `C`, `N`: colours, normals and texture coordinates
 /// are skipped. Comments start with `#`. The counts may follow the keyword on its line, and the
-/// keyword may be missing. Polygons are cut into fans.
+/// keyword may be missing. Polygons are cut into fans; without any, it is a point cloud.
 ///
 /// # Errors
-/// With the line where something is wrong; [`ReadError::PointCloud`] without faces.
+/// With the line where something is wrong.
 pub fn read_off(bytes: &[u8]) -> Result<TriMesh, ReadError> {
     let mut lines = text(FORMAT, bytes)?
         .lines()
@@ -28,9 +28,6 @@ pub fn read_off(bytes: &[u8]) -> Result<TriMesh, ReadError> {
     let mut tokens = counts.split_whitespace();
     let n_vertices: usize = number(FORMAT, line, tokens.next(), "the number of vertices")?;
     let n_faces: usize = number(FORMAT, line, tokens.next(), "the number of faces")?;
-    if n_faces == 0 && n_vertices > 0 {
-        return Err(ReadError::PointCloud { format: FORMAT, n_points: n_vertices });
-    }
     // Counts of a damaged file may be absurd: lists grow as they are read.
     let mut vertices = Vec::new();
     for vertex in 0..n_vertices {
@@ -132,9 +129,6 @@ mod tests {
             error("OFF\n3 1 0\n0 0 0\n1 inf 0\n0 1 0\n3 0 1 2\n"),
             "OFF file: vertex 1 has the coordinate inf"
         );
-        assert_eq!(
-            error("OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n"),
-            "the OFF file has 3 points but no faces: it is a point cloud, no mesh"
-        );
+        assert!(read_off(b"OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n").unwrap().is_point_cloud());
     }
 }

@@ -7,11 +7,10 @@ const FORMAT: &str = "PLY";
 
 /// Reads the vertices and faces, whatever other elements and properties there are and in any order.
 ///
-/// Polygons are cut into fans.
+/// Polygons are cut into fans; without any, it is a point cloud.
 ///
 /// # Errors
-/// With the line of the header or an ASCII body, or the byte of a binary one;
-/// [`ReadError::PointCloud`] without faces.
+/// With the line of the header or an ASCII body, or the byte of a binary one.
 pub fn read_ply(bytes: &[u8]) -> Result<TriMesh, ReadError> {
     let header = Header::read(bytes)?;
     let mut body = Body::new(bytes, &header)?;
@@ -26,9 +25,6 @@ pub fn read_ply(bytes: &[u8]) -> Result<TriMesh, ReadError> {
     }
     let n_vertices = vertices.len();
     let Polygons { faces, first_corner_at } = polygons;
-    if faces.is_empty() && n_vertices > 0 {
-        return Err(ReadError::PointCloud { format: FORMAT, n_points: n_vertices });
-    }
     let mut triangles = Vec::with_capacity(faces.len());
     for (face, corners) in faces.iter().enumerate() {
         let mut checked = [0; 3];
@@ -454,10 +450,8 @@ mod tests {
         let faces = "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
         assert_eq!(error(b""), "the PLY file is empty");
         assert_eq!(error(b"pl\n"), "PLY file, line 1: the file does not start with `ply`");
-        assert_eq!(
-            error(format!("{head}end_header\n0 0 0\n1 0 0\n1 1 0\n").as_bytes()),
-            "the PLY file has 3 points but no faces: it is a point cloud, no mesh"
-        );
+        let cloud = read_ply(format!("{head}end_header\n0 0 0\n1 0 0\n1 1 0\n").as_bytes());
+        assert!(cloud.unwrap().is_point_cloud());
         assert_eq!(
             error(format!("{head}{faces}0 0 0\n1 0 0\n1 1 0\n3 0 1 3\n").as_bytes()),
             "PLY file: face 0 refers to vertex 3, but there are 3"

@@ -8,10 +8,11 @@ use super::{
     off::read_off,
     ply::read_ply,
     stl::read_stl,
+    xyz::read_xyz,
 };
 
 /// The extensions that can be read, in lower case.
-pub const EXTENSIONS: [&str; 6] = ["glb", "gltf", "obj", "off", "ply", "stl"];
+pub const EXTENSIONS: [&str; 7] = ["glb", "gltf", "obj", "off", "ply", "stl", "xyz"];
 
 /// Reads a file of any known format; the extension (in lower case, without dot) decides.
 ///
@@ -31,6 +32,7 @@ pub fn read_character(
         "off" => read_off(bytes).map(Character::of_mesh),
         "ply" => read_ply(bytes).map(Character::of_mesh),
         "stl" => read_stl(bytes).map(Character::of_mesh),
+        "xyz" => read_xyz(bytes).map(Character::of_mesh),
         _ => Err(ReadError::Unknown {
             extension: extension.to_owned(),
             known: EXTENSIONS.map(|it| format!("`.{it}`")).join(", "),

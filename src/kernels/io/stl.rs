@@ -107,7 +107,9 @@ fn joined(corners: &[Vec3]) -> Result<TriMesh, ReadError> {
         }));
     }
     let faces = indices.chunks_exact(3).map(|it| [it[0], it[1], it[2]]).collect();
-    TriMesh::new(vertices, faces).map_err(ReadError::mesh(FORMAT))
+    let mesh = TriMesh::new(vertices, faces).map_err(ReadError::mesh(FORMAT))?;
+    mesh.check_has_faces().map_err(ReadError::mesh(FORMAT))?;
+    Ok(mesh)
 }
 
 #[cfg(test)]

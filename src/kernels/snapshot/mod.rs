@@ -4,6 +4,7 @@
 //! the depth buffer; a soft shadow on the ground; skeletons that shine through their bodies; 2 x 2
 //! samples a pixel, averaged in linear light.
 
+mod beads;
 mod bones;
 mod camera;
 pub mod colors;
@@ -92,7 +93,7 @@ pub enum SnapshotError {
     OutOfRange { figure: usize, vertex: u32, n_vertices: usize },
 }
 
-/// Draws figures side by side, each from all views, on white.
+/// Draws figures side by side, each from all views, on white; a point cloud as beads.
 ///
 /// # Errors
 /// See [`SnapshotError`].
@@ -195,12 +196,17 @@ impl Soups {
             let own = figure.colors.as_ref().map_or(plain, |it| it[vertex]);
             mix(own, [1.0; 3], pale)
         };
-        let body = Soup {
-            points: mesh.vertices().to_vec(),
-            normals: mesh.vertex_normals(),
-            colors: (0..mesh.n_vertices()).map(color).collect(),
-            triangles: mesh.faces().to_vec(),
-            lifted: None,
+        let colors: Vec<Color> = (0..mesh.n_vertices()).map(color).collect();
+        let body = if mesh.is_point_cloud() {
+            beads::beads(mesh, &colors)
+        } else {
+            Soup {
+                points: mesh.vertices().to_vec(),
+                normals: mesh.vertex_normals(),
+                colors,
+                triangles: mesh.faces().to_vec(),
+                lifted: None,
+            }
         };
         let mut bones_soup = Soup::default();
         for (skeleton, _) in figure.skeletons.iter().filter(|it| it.1 == Role::Own) {
@@ -234,7 +240,9 @@ fn draw_panel(
     let body = SeenSoup::new(&soups.body, &camera, placement, tiles);
     let bones = SeenSoup::new(&soups.bones, &camera, placement, tiles);
     let size_px = (soups.size * placement.scale) as f32;
-    let lines = figure.isolines.map(|it| shade::Levels::of(it.values, it.count));
+    // Level lines run across faces.
+    let isolines = figure.isolines.filter(|_| !figure.mesh.is_point_cloud());
+    let lines = isolines.map(|it| shade::Levels::of(it.values, it.count));
     let drawn: Vec<Vec<shade::Pixel>> = (0..tiles.columns * tiles.rows)
         .into_par_iter()
         .map(|tile| {
@@ -347,6 +355,17 @@ mod tests {
             let [r, _, b] = image.pixels[50 * 100 + 50];
             assert_eq!(b > r, expects_blue, "{view:?}");
         }
+    }
+
+    #[test]
+    fn a_dense_cloud_covers_what_its_surface_does() {
+        let sphere = icosphere(5);
+        let cloud = TriMesh::from_points(sphere.vertices().to_vec()).unwrap();
+        let [of_cloud, of_sphere] = [&cloud, &sphere]
+            .map(|it| n_drawn(&snapshot(&[Figure::new(it)], &options(200, 200)).unwrap()) as f64);
+        assert!((of_cloud / of_sphere - 1.0).abs() < 0.05, "{of_cloud} and {of_sphere} pixels");
+        let alone = TriMesh::from_points(vec![Vec3::x()]).unwrap();
+        snapshot(&[Figure::new(&alone)], &options(100, 100)).unwrap();
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::kernels::canvas::{Canvas, color::mix};
-use crate::kernels::mesh::TriMesh;
+use crate::kernels::mesh::{TriMesh, Vec3};
 
 use super::camera::{Camera, Cell, Placement, View};
 use super::colors::Color;
@@ -281,10 +281,9 @@ impl Ground {
         let cell = 2.0 * reach / N as f64;
         let corner = [(low.x + high.x) / 2.0, (low.z + high.z) / 2.0].map(|it| it - reach);
         let mut map = vec![0.0f32; N * N];
-        for face in 0..mesh.n_faces() {
-            let centre = mesh.corners(face).iter().sum::<crate::kernels::mesh::Vec3>() / 3.0;
+        for (centre, area) in shades(mesh) {
             let above = (centre.y - low.y) / (0.35 * extent.y.max(0.2 * reach));
-            let area = mesh.area_vector(face).y.abs() / (cell * cell) * (-above).exp();
+            let area = area / (cell * cell) * (-above).exp();
             splat(
                 &mut map,
                 N,
@@ -329,6 +328,20 @@ impl Ground {
         let far = value(i, j + 1) * (1.0 - s) + value(i + 1, j + 1) * s;
         near * (1.0 - t) + far * t
     }
+}
+
+/// What casts a shadow: places, and the area that each hides from above.
+fn shades(mesh: &TriMesh) -> Vec<(Vec3, f64)> {
+    if mesh.is_point_cloud() {
+        // Half of the disk of a bead: what stands upright hides less.
+        let area = 0.5 * std::f64::consts::PI * super::beads::bead_radius(mesh).powi(2);
+        return mesh.vertices().iter().map(|&it| (it, area)).collect();
+    }
+    let face = |face: usize| {
+        let centre = mesh.corners(face).iter().sum::<Vec3>() / 3.0;
+        (centre, mesh.area_vector(face).y.abs())
+    };
+    (0..mesh.n_faces()).map(face).collect()
 }
 
 /// Shares an amount among the four cells around a place.

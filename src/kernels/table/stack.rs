@@ -11,28 +11,31 @@ pub struct Part<'a> {
     pub table: Result<&'a Table, String>,
 }
 
-impl<'a> Part<'a> {
-    /// Tables with one label each, in a column of this name. Without labels, several tables are numbered
-    /// from 1, and a single one has none.
+impl Part<'_> {
+    /// Gives each of several tables a label of its own, in a column of this name. Without labels, tables that
+    /// have none yet are numbered from 1, unless there is only one.
     ///
     /// # Errors
     /// If there are some labels, but not one a table.
-    pub fn labelled(
-        tables: impl ExactSizeIterator<Item = &'a Table>,
+    pub fn named(
+        mut parts: Vec<Self>,
         labels: &[String],
         column: &str,
     ) -> Result<Vec<Self>, StackError> {
-        let n_tables = tables.len();
+        let n_tables = parts.len();
         if !labels.is_empty() && labels.len() != n_tables {
             return Err(StackError::Labels { n_labels: labels.len(), n_tables });
         }
-        let labels_of = |index: usize| match labels.get(index) {
-            Some(label) => vec![(column.to_owned(), label.clone())],
-            None if n_tables == 1 => Vec::new(),
-            None => vec![(column.to_owned(), (index + 1).to_string())],
-        };
-        let part = |(index, table)| Self { labels: labels_of(index), table: Ok(table) };
-        Ok(tables.enumerate().map(part).collect())
+        let are_known = n_tables == 1 || parts.iter().any(|it| !it.labels.is_empty());
+        for (index, part) in parts.iter_mut().enumerate() {
+            let label = match labels.get(index) {
+                None if are_known => continue,
+                Some(label) => label.clone(),
+                None => (index + 1).to_string(),
+            };
+            part.labels.push((column.to_owned(), label));
+        }
+        Ok(parts)
     }
 }
 
@@ -193,7 +196,7 @@ mod tests {
         let data = table(&[("a", &[1.0, 2.0])]);
         let stacked = |n: usize, labels: &[&str]| {
             let labels: Vec<String> = labels.iter().map(|&it| it.to_owned()).collect();
-            let parts = Part::labelled(vec![&data; n].into_iter(), &labels, "item");
+            let parts = Part::named(vec![part(&[], Ok(&data)); n], &labels, "item");
             parts.and_then(|it| stack(&it))
         };
         assert_eq!(names(&stacked(1, &[]).unwrap()), ["a"]);
@@ -201,6 +204,9 @@ mod tests {
         assert_eq!(texts_of(&stacked(1, &["x"]).unwrap(), "item"), ["x", "x"]);
         let error = stacked(2, &["x"]).unwrap_err().to_string();
         assert_eq!(error, "1 labels for 2 tables");
+        let along_axis = vec![part(&[("k", "20")], Ok(&data)), part(&[("k", "40")], Ok(&data))];
+        let stacked = stack(&Part::named(along_axis, &[], "item").unwrap()).unwrap();
+        assert_eq!(names(&stacked), ["k", "a"], "items of an axis need no numbers");
     }
 
     #[test]

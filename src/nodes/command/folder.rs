@@ -68,9 +68,8 @@ impl Folder {
     /// Writes an input in the format of its slot, and makes the folder of an output that is one.
     pub fn prepare(&self, io: &NodeIo<'_>, slot: &Slot) -> Result<(), NodeError> {
         match slot {
-            Slot::Input { extension, .. } => {
-                let (list, paths) = (artifacts_at(io, slot), paths(io, slot));
-                for (artifact, path) in list.iter().zip(paths) {
+            Slot::Input { port, extension } => {
+                for (artifact, path) in artifacts_at(io, port).zip(paths(io, slot)) {
                     self.write_input(io, artifact, &path, extension)?;
                 }
                 Ok(())
@@ -284,9 +283,9 @@ fn check_extension(
     Err(format!("`{ty}` {verb} as {}{folder}", list.join(", ")))
 }
 
-fn artifacts_at(io: &NodeIo<'_>, slot: &Slot) -> Vec<AnyArtifact> {
-    let Slot::Input { port, .. } = slot else { return Vec::new() };
-    io.inputs().find(|it| it.0 == port).map_or(Vec::new(), |it| it.1)
+fn artifacts_at<'a>(io: &'a NodeIo<'_>, port: &str) -> impl Iterator<Item = &'a AnyArtifact> {
+    let list = io.inputs().find(|it| it.0.name == port);
+    list.into_iter().flat_map(|it| it.1).flatten()
 }
 
 /// The paths that a slot stands for.
@@ -294,10 +293,11 @@ fn paths(io: &NodeIo<'_>, slot: &Slot) -> Vec<String> {
     match slot {
         Slot::Input { port, extension } => {
             let end = dotted(extension);
-            match io.is_list(port) {
+            let is_list = io.inputs().any(|it| it.0.name == *port && it.0.arity.takes_list());
+            match is_list {
                 false => vec![format!("in/{port}{end}")],
                 true => {
-                    let n = artifacts_at(io, slot).len();
+                    let n = artifacts_at(io, port).count();
                     (0..n).map(|it| format!("in/{port}/{it}{end}")).collect()
                 }
             }

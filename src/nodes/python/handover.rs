@@ -15,33 +15,51 @@ use serde_json::{Map, Value as Json, json};
 
 use crate::artifacts;
 use crate::engine::artifact::AnyArtifact;
-use crate::engine::node::{NodeError, NodeIo, Port};
+use crate::engine::node::{Labels, NodeError, NodeIo, Port};
 
 /// The inputs of a call. The files stay open as long as it lives.
 pub struct Given {
-    ports: Vec<(&'static str, bool, Vec<(&'static str, File)>)>,
+    request: Map<String, Json>,
+    _files: Vec<File>,
 }
 
 impl Given {
     pub fn new(io: &NodeIo<'_>) -> Result<Self, NodeError> {
-        let mut ports = Vec::new();
+        let (mut request, mut files) = (Map::new(), Vec::new());
         for (port, list) in io.inputs() {
-            let files = list.iter().map(|it| Ok((it.ty().name, file_of(io, it)?)));
-            let files = files.collect::<io::Result<_>>().map_err(no_memory)?;
-            ports.push((port, io.is_list(port), files));
+            let mut items = Vec::new();
+            for artifact in list {
+                items.push(match artifact {
+                    Ok(artifact) => {
+                        let file = file_of(io, artifact).map_err(no_memory)?;
+                        let item = json!({ "type": artifact.ty().name, "path": path(&file) });
+                        files.push(file);
+                        item
+                    }
+                    Err(why) => json!({ "missing": **why }),
+                });
+            }
+            let value = match port.arity.takes_list() {
+                true => json!({ "items": items, "labels": labels(io, port.name) }),
+                false => items.remove(0),
+            };
+            request.insert(port.name.to_owned(), value);
         }
-        Ok(Self { ports })
+        Ok(Self { request, _files: files })
     }
 
-    pub fn request(&self) -> Json {
-        let entry = |(ty, file): &(&str, File)| json!({ "type": ty, "path": path(file) });
-        let port = |(name, is_list, files): &(&'static str, bool, Vec<(&'static str, File)>)| {
-            let mut entries: Vec<Json> = files.iter().map(entry).collect();
-            let value = if *is_list { Json::Array(entries) } else { entries.remove(0) };
-            ((*name).to_owned(), value)
-        };
-        Json::Object(self.ports.iter().map(port).collect::<Map<String, Json>>())
+    pub fn request(&self) -> &Map<String, Json> {
+        &self.request
     }
+}
+
+/// What the items of a list are called, by their axes.
+fn labels(io: &NodeIo<'_>, port: &str) -> Vec<Json> {
+    let item = |labels: &Labels| {
+        let pairs = labels.iter().map(|(axis, item)| (axis.to_string(), Json::from(&**item)));
+        Json::Object(pairs.collect::<Map<String, Json>>())
+    };
+    io.labels(port).iter().map(item).collect()
 }
 
 /// An artifact as a file.

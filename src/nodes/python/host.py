@@ -11,23 +11,54 @@ import sys
 from importlib.machinery import ModuleSpec
 
 
-class Artifact(dict):
+class Artifact:
     """The arrays and texts of an artifact, by name and as attributes; `type` is the name of its type.
 
-    Of names with dots (`mesh.vertices`), the part before the first dot is an artifact itself.
+    Of names with dots (`mesh.vertices`), the part before the first dot is an artifact itself. It is no
+    dictionary, whose methods would hide arrays (`values`), but `dict(artifact)` is one.
     """
 
-    def __init__(self, type, values):
-        super().__init__(values)
-        self.__dict__["type"] = type
+    def __init__(self, type, parts):
+        self.__dict__.update(type=type, _parts=parts)
+
+    def keys(self):
+        return self._parts.keys()
+
+    def __iter__(self):
+        return iter(self._parts)
+
+    def __len__(self):
+        return len(self._parts)
+
+    def __contains__(self, name):
+        return name in self._parts
+
+    def __getitem__(self, name):
+        return self._parts[name]
+
+    def __setitem__(self, name, value):
+        self._parts[name] = value
 
     def __getattr__(self, name):
-        if name in self:
-            return self[name]
-        part = {k[len(name) + 1 :]: v for k, v in self.items() if k.startswith(name + ".")}
-        if part and not name.startswith("__"):
-            return Artifact(name, part)
-        raise AttributeError(f"`{self.type}` has no `{name}`; it has {', '.join(self)}")
+        parts = self.__dict__.get("_parts", {})
+        if name in parts:
+            return parts[name]
+        inner = {k[len(name) + 1 :]: v for k, v in parts.items() if k.startswith(name + ".")}
+        if inner and not name.startswith("__"):
+            return Artifact(name, inner)
+        raise AttributeError(f"`{self.type}` has no `{name}`; it has {', '.join(parts)}")
+
+
+class Gathered(list):
+    """The artifacts of a list input; `None` for one that is missing.
+
+    `labels` has what each is called, by its axes; `missing` why it is missing, or `None`.
+    """
+
+    def __init__(self, items, labels):
+        super().__init__(None if "missing" in it else read_artifact(**it) for it in items)
+        self.labels = labels or [{} for _ in items]
+        self.missing = [it.get("missing") for it in items]
 
 
 class Mistake(Exception):
@@ -96,13 +127,17 @@ def of_type(type, values):
         rows = iter(values["numbers"])
         columns = {}
         for head in json.loads(values["columns"]):
-            columns[head["name"]] = next(rows) if head["texts"] is None else head["texts"]
+            column = next(rows) if head["texts"] is None else head["texts"]
+            # The last rows may be means and the like.
+            columns[head["name"]] = column[: len(column) - int(values["statistics"])]
         return Artifact(type, columns)
     return Artifact(type, values)
 
 
 def parts_of(type, value):
     """The arrays and texts of what a function returns for an output."""
+    if isinstance(value, Artifact):
+        value = dict(value)
     if type == "text":
         if not isinstance(value, str):
             raise Mistake(f"a `text` is a `str`, not {kind_of(value)}")
@@ -187,10 +222,10 @@ def table_parts(value):
                 raise Mistake(f"column `{name}` holds neither numbers nor texts only") from None
         name, _, unit = str(name).partition(" [")
         texts = column if is_text else None
-        head = {"name": name, "unit": unit.rstrip("]"), "texts": texts, "marked": []}
-        heads.append(head)
+        head = {"name": name, "unit": unit.rstrip("]"), "texts": texts}
+        heads.append({**head, "marked": [], "decimals": None})
     table = numpy.array(numbers, "<f8").reshape(len(numbers), n_rows or 0)
-    return {"numbers": table}, {"columns": json.dumps(heads)}
+    return {"numbers": table}, {"columns": json.dumps(heads), "statistics": "0"}
 
 
 def write_artifact(path, type, value):
@@ -259,9 +294,7 @@ def call(module, request):
         raise Mistake(f"the script has no function `{name}`")
     arguments = dict(request["params"])
     for port, given in request["inputs"].items():
-        is_list = isinstance(given, list)
-        read = [read_artifact(**it) for it in (given if is_list else [given])]
-        arguments[port] = read if is_list else read[0]
+        arguments[port] = Gathered(**given) if "items" in given else read_artifact(**given)
     result = function(**arguments)
     leave_if_forked()
     results = by_port(result, request["outputs"])

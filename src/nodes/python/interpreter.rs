@@ -35,6 +35,8 @@ const SHOWN_LINES: usize = 12;
 pub struct Script {
     pub interpreter: String,
     pub environment: BTreeMap<String, OsString>,
+    /// See [`Program::own_group`].
+    pub own_group: bool,
     pub script: Source,
     /// By name.
     pub modules: BTreeMap<String, Source>,
@@ -73,7 +75,7 @@ impl Interpreter {
             arguments: [name, "-c", HOST, "serve"].map(OsString::from).to_vec(),
             folder: folder.path().to_owned(),
             environment,
-            own_group: true,
+            own_group: script.own_group,
         };
         let (channel, theirs) = UnixStream::pair().map_err(fail)?;
         let process = start_detached(program, OwnedFd::from(theirs).into()).map_err(fail)?;

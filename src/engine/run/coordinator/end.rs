@@ -81,6 +81,7 @@ impl<'a> Coordinator<'a> {
             };
             if is_open {
                 self.slots[consumer].work = Work::Idle;
+                self.slots[consumer].claim = None;
                 self.slots[consumer].failed = Some(Arc::clone(&because));
                 self.end(consumer, Outcome::Skipped { because: index });
                 open.extend(self.dependents(consumer));

@@ -19,7 +19,8 @@ use crate::engine::{
     artifact::AnyArtifact,
     graph::{InputLabels, Labels},
     library::Library,
-    node::{AnyNode, NodeError, NodeIo, NodeOutputs, PortInputs, Surroundings},
+    node::{NodeError, NodeIo, NodeOutputs, PortInputs, Spec, Surroundings},
+    pipeline::with_ports,
     run::guard,
 };
 
@@ -60,9 +61,10 @@ fn last_line(library: &Library, job: Job, lines: &Lines) -> (Line, Vec<File>) {
 
 fn run(library: &Library, job: Job, lines: &Lines) -> Result<NodeOutputs, NodeError> {
     let kind = library.kind(&job.kind).expect("parent and worker have the same kinds");
+    let spec = &with_ports(kind, &job.params, library).spec;
     let node = (kind.parse)(job.params).expect("the parent's parameters are checked");
-    let inputs = read_inputs(library, &*node, &job.inputs)?;
-    let labels = read_labels(&*node, &job.labels);
+    let inputs = read_inputs(library, spec, &job.inputs)?;
+    let labels = read_labels(spec, &job.labels);
     let surroundings = Surroundings { mirrors: job.mirrors, offline: job.offline, isolated: true };
     let progress = |fraction, text: &str| {
         // A parent that does not listen is dead, and this process soon as well.
@@ -71,7 +73,7 @@ fn run(library: &Library, job: Job, lines: &Lines) -> Result<NodeOutputs, NodeEr
     let pool = if job.threads > 1 { guard::pool(job.threads) } else { guard::own_pool() };
     limit_memory(job.memory)?;
     pool.install(|| {
-        let mut io = NodeIo::new(node.spec(), inputs, labels, job.files, &surroundings, &progress);
+        let mut io = NodeIo::new(spec, inputs, labels, job.files, &surroundings, &progress);
         node.run(&mut io)?;
         Ok(io.finish())
     })
@@ -79,11 +81,11 @@ fn run(library: &Library, job: Job, lines: &Lines) -> Result<NodeOutputs, NodeEr
 
 fn read_inputs(
     library: &Library,
-    node: &dyn AnyNode,
+    spec: &Spec,
     inputs: &BTreeMap<String, Vec<Result<ArtifactFile, String>>>,
 ) -> Result<BTreeMap<&'static str, PortInputs>, NodeError> {
     let mut res = BTreeMap::new();
-    for port in node.spec().inputs {
+    for port in spec.inputs {
         let mut list = PortInputs::new();
         for input in inputs.get(port.name).into_iter().flatten() {
             list.push(match input {
@@ -96,14 +98,11 @@ fn read_inputs(
     Ok(res)
 }
 
-fn read_labels(
-    node: &dyn AnyNode,
-    labels: &BTreeMap<String, Vec<Vec<(String, String)>>>,
-) -> InputLabels {
+fn read_labels(spec: &Spec, labels: &BTreeMap<String, Vec<Vec<(String, String)>>>) -> InputLabels {
     let read = |it: &Vec<(String, String)>| -> Labels {
         it.iter().map(|(axis, item)| (axis.as_str().into(), item.as_str().into())).collect()
     };
-    let ports = node.spec().inputs.iter();
+    let ports = spec.inputs.iter();
     ports
         .filter_map(|it| Some((it.name, labels.get(it.name)?.iter().map(read).collect())))
         .collect()
