@@ -14,6 +14,7 @@ use std::{
 use sinew::{
     LIBRARY,
     engine::{
+        artifact::AnyArtifact,
         digest::Digest,
         events::{Event, Observer},
         graph::Graph,
@@ -26,6 +27,7 @@ use sinew::{
         io::{gltf::GltfOptions, read::read_character},
         landmark_files::read_landmarks,
         random::Random,
+        text::Text,
     },
 };
 
@@ -212,7 +214,11 @@ fn artifacts() -> BTreeMap<&'static str, Vec<u8>> {
         let (_, digest) = outputs.0.get(kind.ty.name)?.first_key_value()?;
         Some((kind.ty.name, store.object(kind.ty, digest).unwrap().to_vec()))
     };
-    LIBRARY.types.iter().filter_map(read).collect()
+    let mut res: BTreeMap<_, _> = LIBRARY.types.iter().filter_map(read).collect();
+    // Only programs and scripts of the user make texts.
+    let text = AnyArtifact::encode(Text("two\nlines\n".to_owned()));
+    res.entry(text.0.ty().name).or_insert(text.1);
+    res
 }
 
 #[test]
@@ -301,7 +307,7 @@ fn base64(bytes: &[u8]) -> String {
 
 fn mesh_files() -> Vec<(&'static str, Vec<u8>)> {
     let mesh = read_character("off", OFF.as_bytes(), &|_| None, GltfOptions::default()).unwrap();
-    let mesh = sinew::engine::artifact::AnyArtifact::encode(mesh.mesh).0;
+    let mesh = AnyArtifact::encode(mesh.mesh).0;
     let mut res = vec![
         ("off", OFF.as_bytes().to_vec()),
         ("gltf", gltf().into_bytes()),
