@@ -14,6 +14,7 @@ use std::{
 use sinew::{
     LIBRARY,
     engine::{
+        artifact::AnyArtifact,
         digest::Digest,
         events::{Event, Observer},
         graph::Graph,
@@ -26,6 +27,7 @@ use sinew::{
         io::{gltf::GltfOptions, read::read_character},
         landmark_files::read_landmarks,
         random::Random,
+        text::Text,
     },
 };
 
@@ -186,6 +188,7 @@ impl Observer for Outputs {
 fn artifacts() -> BTreeMap<&'static str, Vec<u8>> {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("tetrahedron.off"), OFF).unwrap();
+    fs::write(folder.path().join("errors.csv"), ERRORS).unwrap();
     let store = Store::open(&folder.path().join("cache"), Access::ReadWrite).unwrap();
     let mut outputs = Outputs::default();
     for kind in LIBRARY.kinds {
@@ -211,7 +214,11 @@ fn artifacts() -> BTreeMap<&'static str, Vec<u8>> {
         let (_, digest) = outputs.0.get(kind.ty.name)?.first_key_value()?;
         Some((kind.ty.name, store.object(kind.ty, digest).unwrap().to_vec()))
     };
-    LIBRARY.types.iter().filter_map(read).collect()
+    let mut res: BTreeMap<_, _> = LIBRARY.types.iter().filter_map(read).collect();
+    // Only programs and scripts of the user make texts.
+    let text = AnyArtifact::encode(Text("two\nlines\n".to_owned()));
+    res.entry(text.0.ty().name).or_insert(text.1);
+    res
 }
 
 #[test]
@@ -241,6 +248,10 @@ fn mutated_artifacts_are_refused_or_read() {
 // ---- files ------------------------------------------------------------------------------------------
 
 const OFF: &str = "OFF\n4 4 6\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
+
+/// What the examples of the kinds for tables read.
+const ERRORS: &str = "method,shape,joints,error [%]\nours,horse,33,5.0\nours,fox,42,3.9\n\
+    ours,woman,31,0.96\nnearest,horse,33,7.5\nnearest,fox,42,6.25\nnearest,woman,31,2.5\n";
 
 /// A strip with two joints and a clip, in one file.
 const GLTF: &str = r#"{ "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }],
@@ -296,7 +307,7 @@ fn base64(bytes: &[u8]) -> String {
 
 fn mesh_files() -> Vec<(&'static str, Vec<u8>)> {
     let mesh = read_character("off", OFF.as_bytes(), &|_| None, GltfOptions::default()).unwrap();
-    let mesh = sinew::engine::artifact::AnyArtifact::encode(mesh.mesh).0;
+    let mesh = AnyArtifact::encode(mesh.mesh).0;
     let mut res = vec![
         ("off", OFF.as_bytes().to_vec()),
         ("gltf", gltf().into_bytes()),

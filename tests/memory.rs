@@ -11,8 +11,8 @@ use sinew::engine::{
     toy::TOY,
 };
 
-const N_TEXTS: usize = 24;
-const TEXT_BYTES: usize = 4 << 20;
+const N_TEXTS: usize = 96;
+const TEXT_BYTES: usize = 1 << 20;
 const BUDGET: u64 = 24 << 20;
 
 /// Texts, all of which are read by a count each: texts have the longer path, so all of them would

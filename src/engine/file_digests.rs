@@ -29,7 +29,8 @@ pub fn digest(store: &Store, path: &Path) -> io::Result<Digest> {
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(File::open(path)?)?;
     let digest = Digest(*hasher.finalize().as_bytes());
-    if is_settled(&meta) {
+    // A copy may keep the original's time of change; when it was put here counts as well.
+    if is_settled(&meta) && is_long_ago(meta.ctime()) {
         let note = (Note::FileDigest, identity, digest.0.to_vec());
         if let Err(StoreError { error, .. }) = store.remember(vec![note]) {
             tracing::debug!(%error, "a file's digest is not remembered");
@@ -39,11 +40,14 @@ pub fn digest(store: &Store, path: &Path) -> io::Result<Digest> {
 }
 
 /// A file that was changed a moment ago may be changed again within the clock's resolution, and
-/// would then look the same. Copies may keep the time of the original's change, so the time of the
-/// change of the file's own entry counts as well; times in the future are never settled.
+/// would then look the same. A time in the future is never settled.
 pub fn is_settled(meta: &fs::Metadata) -> bool {
+    is_long_ago(meta.mtime())
+}
+
+fn is_long_ago(secs: i64) -> bool {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |it| it.as_secs() as i64);
-    [meta.mtime(), meta.ctime()].iter().all(|&it| now.saturating_sub(it) > 2)
+    now.saturating_sub(secs) > 2
 }
 
 /// A digest of what tells one state of a file from another without reading it.
