@@ -392,14 +392,14 @@ fn largest_residual(operator: &Operator, basis: &Basis) -> f64 {
     if largest > 0.0 { worst / largest } else { worst * operator_scale(operator) }
 }
 
-/// What rounding alone makes of a residual, in parts of the largest eigenvalue: a multiplication by the
-/// stiffness errs by as many units in the last place of its diagonal. Far below any tolerance, but
-/// where nearly flat faces or tied points have weights of many thousands.
+/// What rounding alone makes of a residual, in parts of the largest eigenvalue: some tens of units in
+/// the last place of the steepest diagonal entry. Far below any tolerance, but where nearly flat faces
+/// or tied points have weights of many thousands.
 fn attainable_residual(operator: &Operator, largest: f64) -> f64 {
     let (stiffness, mass) = (&operator.stiffness, &operator.mass);
     let diagonal = |row: usize| stiffness.row(row).find(|it| it.0 == row).map_or(0.0, |it| it.1);
     let steepest = (0..mass.len()).map(|row| diagonal(row) / mass[row]).fold(0.0, f64::max);
-    if largest > 0.0 { (4.0 * f64::EPSILON * steepest / largest).min(ATTAINABLE) } else { 0.0 }
+    if largest > 0.0 { (64.0 * f64::EPSILON * steepest / largest).min(ATTAINABLE) } else { 0.0 }
 }
 
 /// Vectors that are multiplied together: one look at a row of the stiffness serves all of them.
