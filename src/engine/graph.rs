@@ -10,6 +10,7 @@ use std::{
 use petgraph::graph::{DiGraph, NodeIndex};
 
 use super::{
+    labels::{InputLabels, Labels},
     node::{AnyNode, NodeKind},
     settings::NodeSettings,
 };
@@ -27,14 +28,8 @@ pub struct Graph {
     pub sources: Vec<Source>,
 }
 
-/// (axis, item) pairs, for people; empty for what has no axes.
-pub type Labels = Arc<[(Arc<str>, Arc<str>)]>;
-
 /// By port: where its artifacts come from, in order.
 pub type Inputs = BTreeMap<&'static str, Vec<PortRef>>;
-
-/// By labelled port: what the items are called that it gathers, in the order of [`Inputs`].
-pub type InputLabels = BTreeMap<&'static str, Vec<Labels>>;
 
 /// A node at one point of its axes.
 pub struct Instance {

@@ -10,6 +10,7 @@ pub mod facts;
 pub mod file_digests;
 pub mod graph;
 pub mod key;
+pub mod labels;
 pub mod library;
 pub mod node;
 pub mod params;

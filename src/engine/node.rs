@@ -13,11 +13,11 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 pub use super::cancel::CancelToken;
 pub use super::facts::{Answer, Facts, Question};
-pub use super::graph::Labels;
+pub use super::labels::Labels;
 use super::{
     artifact::{AnyArtifact, Artifact, ArtifactType},
     digest::Digest,
-    graph::InputLabels,
+    labels::InputLabels,
 };
 
 /// How many wires a port takes.

@@ -13,8 +13,9 @@ use super::{
     digest::Digest,
     facts::{self, Facts, Question},
     file_digests,
-    graph::{Graph, Instance, Labels, PortRef},
+    graph::{Graph, Instance, PortRef},
     key::{Difference, Key, KeyInputs},
+    labels::Labels,
     node::Arity,
     store::{Entry, Note, Store},
 };

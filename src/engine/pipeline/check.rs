@@ -25,7 +25,8 @@ use super::{
 };
 use crate::engine::{
     artifact::{ANY, ArtifactType},
-    graph::{Graph, InputLabels, Inputs, Instance, Place, PortRef},
+    graph::{Graph, Inputs, Instance, Place, PortRef},
+    labels::InputLabels,
     library::Library,
     node::{AnyNode, NodeKind, Port},
     params::Fields,

@@ -13,7 +13,7 @@ use super::{
     value::{AxisId, Key},
     wires::{Selection, WireEnd},
 };
-use crate::engine::graph::Labels;
+use crate::engine::labels::Labels;
 
 /// The position along one axis of the instance that a wire leads to.
 #[derive(Debug, Clone, Copy, PartialEq)]

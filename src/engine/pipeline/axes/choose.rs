@@ -1,6 +1,6 @@
 //! `--only target=003,004` and `--limit target=5`: fewer items for one run.
 
-use super::{Axis, condition::is_like, read::Reading};
+use super::{Axis, condition::is_like, list::Reading};
 use crate::engine::{
     graph::Place,
     pipeline::{

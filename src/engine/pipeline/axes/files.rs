@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::read::{List, Reading};
+use super::list::{List, Reading};
 use crate::engine::pipeline::{
     diagnostic::Diagnostic,
     value::{Data, Value},

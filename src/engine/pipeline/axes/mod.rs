@@ -8,6 +8,7 @@ mod choose;
 mod condition;
 mod files;
 mod fill;
+mod list;
 mod pairs;
 mod range;
 mod read;
@@ -19,8 +20,9 @@ use std::sync::Arc;
 pub use self::{
     choose::{Choice, read_choices, report_unknown_axes},
     fill::{Point, fill},
+    list::Reading,
     pairs::Side,
-    read::{Reading, read},
+    read::read,
 };
 use super::value::{AxisId, Value};
 use crate::engine::graph::Place;

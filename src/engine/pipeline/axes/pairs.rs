@@ -1,6 +1,6 @@
 //! `pairs = "shape"`: the items of another axis, two by two; `copy_of = "shape"`: once more.
 
-use super::{Axis, AxisId, Item, read::Reading};
+use super::{Axis, AxisId, Item, list::Reading};
 use crate::engine::pipeline::{
     diagnostic::Diagnostic,
     nearest::suggest,

@@ -1,6 +1,6 @@
 //! `range = { from = 10, to = 50, step = 10 }`: numbers at equal distances, or at equal ratios.
 
-use super::read::{List, Reading};
+use super::list::{List, Reading};
 use crate::engine::pipeline::{
     diagnostic::Diagnostic,
     nearest::suggest,
@@ -119,7 +119,7 @@ fn count_of_steps(from: f64, to: f64, step: f64) -> Result<usize, String> {
         return Err(format!("steps of {step} do not lead from {from} to {to}"));
     }
     // A little more, so that 0.1 is met in three steps of 0.1 that start at -0.2.
-    Ok((steps * (1.0 + 1e-12) + 1e-12).floor() as usize + 1)
+    Ok((steps + 1e-9).floor() as usize + 1)
 }
 
 #[cfg(test)]

@@ -1,59 +1,22 @@
 //! From a table `[axes.NAME]` to an axis.
 
-use std::{collections::HashMap, sync::Arc};
+use std::sync::Arc;
 
 use super::{
-    Axis, AxisId, Base, Choice, Item,
+    Axis, Base, Item,
     condition::Condition,
     files,
+    list::{List, Reading},
     pairs::{self, Derived},
     range, rows, values,
 };
 use crate::engine::pipeline::{
-    diagnostic::{Diagnostic, Problems},
+    diagnostic::Diagnostic,
     nearest::{one_of, suggest},
     parse::{self, AxisTable},
-    sources::Sources,
-    substitute::{self, Names},
+    substitute,
     value::{Data, Entry, Key, Value},
 };
-
-/// What reading an axis needs of its file and of the run.
-pub struct Reading<'a> {
-    /// Parameters that its values can name.
-    pub names: &'a Names,
-    /// Axes of the same file that others can be made from.
-    pub axes: &'a HashMap<Arc<str>, AxisId>,
-    pub sources: &'a mut Sources,
-    pub problems: &'a mut Problems,
-    /// What the user narrows.
-    pub choices: &'a mut [Choice],
-}
-
-/// Items before they are chosen from: fields, and for each item its label and values.
-#[derive(Debug, Default)]
-pub struct List {
-    pub fields: Vec<Arc<str>>,
-    pub items: Vec<(String, Vec<Value>)>,
-}
-
-impl List {
-    pub fn with_fields<'a>(fields: impl IntoIterator<Item = &'a str>) -> Self {
-        Self { fields: fields.into_iter().map(Arc::from).collect(), items: Vec::new() }
-    }
-
-    /// Items that are single values.
-    pub fn of_values(values: Vec<Value>) -> Self {
-        let items = values.into_iter();
-        let items = items.map(|it| (it.written_out().unwrap_or_default(), vec![it])).collect();
-        Self { fields: vec!["".into()], items }
-    }
-
-    pub fn push(&mut self, label: String, values: Vec<Value>) {
-        debug_assert_eq!(values.len(), self.fields.len(), "a value for every field");
-        self.items.push((label, values));
-    }
-}
 
 /// The keys that say where items come from; an axis has one of them.
 pub const SOURCES: [&str; 7] = ["values", "range", "files", "table", "zip", "pairs", "copy_of"];

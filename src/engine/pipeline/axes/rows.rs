@@ -5,7 +5,7 @@ use std::{path::Path, sync::Arc};
 use toml::de::DeTable;
 
 use super::{
-    read::{List, Reading},
+    list::{List, Reading},
     values::row_label,
 };
 use crate::engine::{

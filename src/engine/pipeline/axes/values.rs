@@ -2,7 +2,10 @@
 
 use std::sync::Arc;
 
-use super::read::{List, Reading, read_source};
+use super::{
+    list::{List, Reading},
+    read::read_source,
+};
 use crate::engine::pipeline::{
     diagnostic::Diagnostic,
     parse,

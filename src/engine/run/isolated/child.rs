@@ -17,7 +17,7 @@ use memmap2::Mmap;
 use super::{ArtifactFile, Job, Line, memory_file};
 use crate::engine::{
     artifact::AnyArtifact,
-    graph::{InputLabels, Labels},
+    labels::{InputLabels, Labels},
     library::Library,
     node::{NodeError, NodeIo, NodeOutputs, PortInputs, Spec, Surroundings},
     pipeline::with_ports,

@@ -12,7 +12,8 @@ use super::{ArtifactFile, Job, Line, WorkerProgram, memory_file};
 use crate::engine::{
     cancel::CancelToken,
     events::Failure,
-    graph::{Instance, Labels},
+    graph::Instance,
+    labels::Labels,
     library::Library,
     node::{NodeOutputs, ProgressFn},
     process::{self, Answer, Ended, Stopped, Watched},
