@@ -683,3 +683,21 @@ fn a_mistake_at_thousands_of_items_is_told_a_few_times() {
     let problems = folder.try_load(&Settings::default()).err().unwrap();
     assert!((1..10).contains(&problems.len()), "{problems:?}");
 }
+
+#[test]
+fn a_mistake_in_a_table_is_shown_in_its_row() {
+    let pipeline = "[axes.n]\ntable = \"rows.csv\"\n[nodes.a]\nkind = \"number\"\nvalue = 1\n";
+    for (rows, message, expected) in [
+        ("\u{feff}n,m\r\n\r\n1,2\r\n3\r\n4,5\r\n", "this row has 1 cells", "3"),
+        ("n,m\n1,2\n\n3,\"4\n5,6\n", "a quote is not closed in this row", "3,\"4"),
+        ("n,m\r\n1,2\r\n3,\"4\"\"\r\n", "a quote is not closed in this row", "3,\"4\"\""),
+    ] {
+        let folder = Folder::new(&[("pipeline.toml", pipeline), ("rows.csv", rows)]);
+        let path = folder.path("pipeline.toml");
+        let problems = pipeline::load(&path, &TOY, &Settings::default()).err().unwrap();
+        let problem = problems.list.iter().find(|it| it.message.starts_with(message));
+        let place =
+            problem.unwrap_or_else(|| panic!("{:#?}", problems.list)).place.clone().unwrap();
+        assert_eq!(&problems.sources[place.source].text[place.span], expected, "{rows:?}");
+    }
+}

@@ -230,7 +230,8 @@ fn failures_say_how_and_show_the_end_of_what_was_printed() {
     Work::new(&shell("echo first >&2; echo the reason >&2; exit 3; {out:res.txt}"))
         .fail(1, "`sh` ended with exit code 3; it printed:");
     Work::new(&shell("echo the reason; exit 3; {out:res.txt}")).fail(1, "the reason");
-    Work::new(&shell("kill -SEGV $$; {out:res.txt}")).fail(1, "`sh` was ended by signal 11");
+    Work::new(&shell("kill -SEGV $$; {out:res.txt}"))
+        .fail(1, "`sh` was killed by signal 11 (segmentation fault)");
     let missing = "output `res`: `out/res.txt` is not there; the program left `out/res.TXT`";
     let text = Work::new(&shell("echo hint >&2; echo 1 > out/res.TXT; true {out:res.txt}"))
         .fail(1, missing);

@@ -211,7 +211,11 @@ fn mistakes_of_a_function_fail_its_node_only() {
     assert!(text.contains("script.py\", line 3, in f") && !text.contains("<string>"), "{text}");
     check("sys.exit(3)", one, "it called `sys.exit(3)`");
     check("print('last words'); sys.stdout.flush(); os._exit(4)", one, "ended with exit code 4");
-    check("os.kill(os.getpid(), 11)", one, "the interpreter was ended by signal 11");
+    check(
+        "os.kill(os.getpid(), 11)",
+        one,
+        "the interpreter was killed by signal 11 (segmentation fault)",
+    );
     check("return 3", one, "output `res`: a `functional_map` is a dictionary of arrays, not `int`");
     let missing = "output `res` is no `functional_map`: array `source_from_target` is missing";
     check("return {'x': [[1.0]]}", one, missing);

@@ -20,7 +20,7 @@ const MAY_IMPORT: [(&str, &[&str]); 5] = [
 ];
 
 /// Parts of the engine that are more than a contract: artifacts and nodes stay away from them.
-const CONTRACT: [&str; 6] = ["artifact", "digest", "library", "node", "process", "program"];
+const CONTRACT: [&str; 5] = ["artifact", "digest", "library", "node", "program"];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))

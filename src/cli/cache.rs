@@ -1,13 +1,13 @@
 //! `sinew cache`: what is stored, what can go, what is damaged.
 
-use std::{collections::BTreeSet, path::Path, time::Duration};
+use std::{collections::BTreeSet, path::Path};
 
 use anstream::println;
 use clap::Subcommand;
 
 use super::{Exit, Failure, LIBRARY, Ui, common::StoreArgs, style};
 use crate::engine::{
-    clock::{show_bytes, show_duration},
+    clock::{show_bytes, show_secs},
     digest::Digest,
     record::NodeDone,
     settings::parse_size,
@@ -170,7 +170,7 @@ fn stat(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
     let head = style::HEAD;
     println!("{head}{:24} {:>8} {:>10} {:>12}{head:#}", "kind", "results", "size", "rebuild");
     for (kind, it) in &stat.kinds {
-        let rebuild = show_duration(Duration::from_secs_f64(it.wall_secs));
+        let rebuild = show_secs(it.wall_secs);
         println!("{kind:24} {:>8} {:>10} {rebuild:>12}", it.entries, show_bytes(it.bytes));
     }
     let size = show_bytes(stat.object_bytes);

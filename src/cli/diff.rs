@@ -4,14 +4,10 @@ use std::{collections::BTreeMap, fmt::Write};
 
 use serde_json::json;
 
-use super::{
-    Exit, Failure, LIBRARY, Ui,
-    common::StoreArgs,
-    runs::{self, show_secs},
-    ui::count,
-};
+use super::{Exit, Failure, LIBRARY, Ui, common::StoreArgs, runs, ui::count};
 use crate::{
     engine::{
+        clock::show_secs,
         compare::{self, Comparison, Fared, OutputCompared},
         digest::Digest,
         record::{Line, Record},

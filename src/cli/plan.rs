@@ -1,9 +1,6 @@
 //! `sinew plan`: what a run would do, and why.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    time::Duration,
-};
+use std::collections::{BTreeMap, BTreeSet};
 
 use anstream::println;
 use petgraph::graph::NodeIndex;
@@ -18,7 +15,7 @@ use super::{
     ui::count,
 };
 use crate::engine::{
-    clock::show_duration,
+    clock::show_secs,
     graph::Graph,
     plan::{self, Memory, Plan, Status},
     why::{self, PlanCauses},
@@ -257,7 +254,7 @@ impl std::fmt::Display for Estimate {
         if self.known == 0 {
             return Ok(());
         }
-        let time = show_duration(Duration::from_secs_f64(self.secs));
+        let time = show_secs(self.secs);
         write!(f, "; {time} of work, as it was last time")?;
         match self.unknown {
             0 => Ok(()),

@@ -1,12 +1,12 @@
 //! `sinew runs`: the runs that were, and one of them told again.
 
-use std::{collections::BTreeMap, path::Path, time::Duration};
+use std::{collections::BTreeMap, path::Path};
 
 use anstream::println;
 
 use super::{Exit, Failure, Ui, common::StoreArgs, style, told};
 use crate::engine::{
-    clock::{show_bytes, show_duration},
+    clock::{show_bytes, show_secs},
     record::{self, Line, NodeDone, Record},
     why,
 };
@@ -199,9 +199,4 @@ fn tell_node(node: &NodeDone, headline: Option<String>, width: usize) {
     for note in &node.notes {
         println!("{:>10}  {:width$}  {:>8}  note: {note}", "", "", "");
     }
-}
-
-pub fn show_secs(secs: f64) -> String {
-    // A damaged record may say anything.
-    show_duration(Duration::try_from_secs_f64(secs).unwrap_or_default())
 }

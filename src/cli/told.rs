@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use anstream::println;
 
-use super::{Exit, Failure, Ui, common::StoreArgs, runs, style};
+use super::{Exit, Failure, Ui, common::StoreArgs, style};
 use crate::engine::{
-    clock::{iso_utc, show_bytes, show_duration},
+    clock::{iso_utc, show_bytes, show_secs},
     pipeline::suggest,
     record::{Line, NodeDone, NodeStart, Record},
     store::{Entry, Store},
@@ -64,7 +64,7 @@ fn tell_start(record: &Record, start: &NodeStart) {
         1 => "1 thread".to_owned(),
         n => format!("{n} threads"),
     };
-    let at = runs::show_secs(start.t);
+    let at = show_secs(start.t);
     println!("{good}{:>10}{good:#}  {at} after the start, on {threads}, because:", "started");
     match &start.why {
         Some(why) => print_steps(&why::chain(why, Tense::Did, &standings(record)), 0),
@@ -93,7 +93,7 @@ fn tell_end(node: &NodeDone) {
         "not_reached" => (style::WARN, "the run was stopped before its turn".to_owned()),
         _ => (style::WARN, node.message.clone().unwrap_or_default()),
     };
-    let wall = node.wall_s.map(|it| format!("after {}  ", runs::show_secs(it)));
+    let wall = node.wall_s.map(|it| format!("after {}  ", show_secs(it)));
     let word = node.status.replace('_', " ");
     println!("{style}{word:>10}{style:#}  {}{text}", wall.unwrap_or_default());
     for note in &node.notes {
@@ -121,7 +121,7 @@ pub fn print_steps(steps: &[Step], depth: usize) {
 /// What is stored under a key.
 pub fn print_entry(entry: &Entry, store: &Store) {
     let made = std::time::UNIX_EPOCH + Duration::from_secs(entry.made);
-    let took = show_duration(Duration::from_secs_f64(entry.wall_secs));
+    let took = show_secs(entry.wall_secs);
     println!("{:>12}made by run {} at {}, took {took}", "", entry.run, iso_utc(made));
     for output in &entry.outputs {
         let gone = if store.has_object(&output.digest) { "" } else { "  (no longer stored)" };

@@ -26,6 +26,11 @@ pub fn show_duration(duration: Duration) -> String {
     }
 }
 
+/// Seconds that were written down as a person would say them. A damaged file may say anything.
+pub fn show_secs(secs: f64) -> String {
+    show_duration(Duration::try_from_secs_f64(secs).unwrap_or_default())
+}
+
 /// A number of bytes as a person would say it: `812 B`, `1.4 MB`.
 pub fn show_bytes(bytes: u64) -> String {
     const UNITS: [&str; 4] = ["kB", "MB", "GB", "TB"];
@@ -76,8 +81,9 @@ mod tests {
     fn amounts() {
         let durations = [(0.0123, "12 ms"), (0.5, "0.50 s"), (151.0, "2m 31s"), (3900.0, "1h 05m")];
         for (secs, text) in durations {
-            assert_eq!(show_duration(Duration::from_secs_f64(secs)), text);
+            assert_eq!(show_secs(secs), text);
         }
+        assert_eq!([f64::NAN, -1.0, 1e300].map(show_secs), ["0 ms"; 3]);
         for (bytes, text) in [(812, "812 B"), (1_449_000, "1.4 MB"), (999_900, "1.0 MB")] {
             assert_eq!(show_bytes(bytes), text);
         }

@@ -16,7 +16,6 @@ pub mod node;
 pub mod params;
 pub mod pipeline;
 pub mod plan;
-pub mod process;
 pub mod program;
 pub mod record;
 pub mod reference;

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::engine::artifact::ArtifactType;
 use crate::engine::node::{Arity, InputFile, Node, NodeError, NodeIo, Output, Question, Spec};
-use crate::engine::program::{self, End, Printed, Program, Tail};
+use crate::engine::program::{self, End, Printed, Program};
 use crate::kernels::text::Text;
 
 mod folder;
@@ -326,7 +326,7 @@ mesh = "@copy"
         let printed = self.start(io, &folder)?;
         for slot in slots.keys() {
             folder.collect(io, slot).map_err(|message| {
-                let last = shown_end(&printed.stderr);
+                let last = printed.stderr.shown_end();
                 NodeError::failed(format!("{message}{last}"))
             })?;
         }
@@ -362,32 +362,16 @@ impl Command {
             None => Stdio::null(),
         };
         let stdout = self.stdout_to.as_ref().map(|it| folder.create(&one(it))).transpose()?;
-        let is_unwanted = || io.cancel().is_cancelled();
-        let (end, printed) = program::run(&program, stdin, stdout, &is_unwanted)
+        let (end, printed) = program
+            .run(stdin, stdout, io.cancel())
             .map_err(|e| NodeError::environment(format!("cannot start `{name}`: {e}")))?;
-        let how = match end {
-            End::Exited(0) => return Ok(printed),
-            End::Exited(code) => format!("ended with exit code {code}"),
-            End::Signalled(signal) => format!("was ended by signal {signal}"),
-            End::Stopped => "was stopped".to_owned(),
-        };
-        let last =
-            shown_end(if printed.stderr.is_empty() { &printed.stdout } else { &printed.stderr });
-        Err(NodeError::failed(format!("`{name}` {how}{last}")))
+        match end {
+            End::Exited(0) => Ok(printed),
+            _ => Err(NodeError::failed(format!("`{name}` {end}{}", printed.shown_end()))),
+        }
     }
 }
 
 fn shown(arguments: &[Argument]) -> Vec<String> {
     arguments.iter().map(ToString::to_string).collect()
 }
-
-/// The last lines of what a program printed, to follow a message.
-fn shown_end(printed: &Tail) -> String {
-    match printed.last_lines(SHOWN_LINES) {
-        lines if lines.is_empty() => String::new(),
-        lines => format!("; it printed:\n{lines}"),
-    }
-}
-
-/// So many lines of what a program printed are shown when it fails.
-const SHOWN_LINES: usize = 12;

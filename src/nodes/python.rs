@@ -211,8 +211,7 @@ outputs = { lengths = "table" }
             "outputs": taken.request(),
         });
         io.progress(None, &format!("calling `{}`", self.function));
-        let is_unwanted = || io.cancel().is_cancelled();
-        let printed = pool::call(&self.script(io)?, &request, &is_unwanted)?;
+        let printed = pool::call(&self.script(io)?, &request, io.cancel())?;
         for (port, artifact) in taken.read()? {
             io.put_any(port, artifact);
         }

@@ -18,99 +18,72 @@ const FORMAT: &str = "CSV";
 /// # Errors
 /// If the file is empty or no text, a quote is not closed or stands within a field, or a record has not as
 /// many fields as the first.
-pub fn read_records(bytes: &[u8], separator: char) -> Result<Vec<Record>, ReadError> {
+pub fn read_records(bytes: &[u8], separator: u8) -> Result<Vec<Record>, ReadError> {
     let text = text(FORMAT, bytes)?;
-    let mut reader = Reader { rest: text, line: 1, separator };
+    let mut reader = csv::ReaderBuilder::new()
+        .delimiter(separator)
+        .has_headers(false)
+        .flexible(true)
+        .from_reader(text.as_bytes());
     let mut records: Vec<Record> = Vec::new();
-    while !reader.rest.is_empty() {
-        if reader.take_line_end() {
-            continue;
+    let mut fields = csv::StringRecord::new();
+    let (mut line, mut counted) = (1, 0);
+    loop {
+        let before = reader.position().byte() as usize;
+        let is_more = reader
+            .read_record(&mut fields)
+            .map_err(|e| ReadError::content(FORMAT, e.to_string()))?;
+        if !is_more {
+            return Ok(records);
         }
-        let record = reader.record()?;
-        let (found, expected) = (record.fields.len(), records.first().map(|it| it.fields.len()));
-        if let Some(expected) = expected.filter(|&it| it != found) {
-            let what = format!("it has {found} fields, but the header has {expected}");
-            return Err(ReadError::line(FORMAT, record.line, what));
-        }
-        records.push(record);
+        let end = reader.position().byte() as usize;
+        // The reader takes empty lines, and the `\n` of a `\r\n`, for the start of the next record.
+        let start = end - text[before..end].trim_start_matches(['\r', '\n']).len();
+        line += text[counted..start].matches('\n').count();
+        counted = start;
+        check_quotes(&text[start..end], &fields, char::from(separator))
+            .and_then(|()| check_line_end(&text[..end], &text[end..]))
+            .and_then(|()| check_length(fields.len(), records.first()))
+            .map_err(|what| ReadError::line(FORMAT, line, what))?;
+        records.push(Record { line, fields: fields.iter().map(str::to_owned).collect() });
     }
-    Ok(records)
 }
 
-struct Reader<'a> {
-    rest: &'a str,
-    line: usize,
-    separator: char,
+/// Every field stands there as it is, or in quotes. The reader guesses at all else, in its own way.
+fn check_quotes(record: &str, fields: &csv::StringRecord, separator: char) -> Result<(), String> {
+    let mut rest = record;
+    for field in fields {
+        let is_quoted = rest.starts_with('"');
+        let written = match is_quoted {
+            true => format!("\"{}\"", field.replace('"', "\"\"")),
+            false if field.contains('"') => {
+                return Err(format!("a quote stands within the field `{field}`"));
+            }
+            false => field.to_owned(),
+        };
+        let after = rest.strip_prefix(&written);
+        match after.filter(|it| it.is_empty() || it.starts_with([separator, '\r', '\n'])) {
+            Some(after) => rest = after.strip_prefix(separator).unwrap_or(after),
+            None if record.matches('"').count() % 2 == 1 => {
+                return Err("a quote is not closed".to_owned());
+            }
+            None => return Err("text follows a quoted field".to_owned()),
+        }
+    }
+    Ok(())
 }
 
-impl Reader<'_> {
-    fn record(&mut self) -> Result<Record, ReadError> {
-        let line = self.line;
-        let mut fields = Vec::new();
-        loop {
-            fields.push(match self.rest.strip_prefix('"') {
-                Some(rest) => {
-                    self.rest = rest;
-                    self.quoted()?
-                }
-                None => self.plain()?,
-            });
-            if let Some(rest) = self.rest.strip_prefix(self.separator) {
-                self.rest = rest;
-            } else if self.rest.is_empty() || self.take_line_end() {
-                return Ok(Record { line, fields });
-            } else {
-                return Err(self.error("text follows a quoted field"));
-            }
-        }
+fn check_line_end(before: &str, after: &str) -> Result<(), String> {
+    match before.ends_with('\r') && !after.starts_with('\n') {
+        true => Err("a carriage return stands without a line end".to_owned()),
+        false => Ok(()),
     }
+}
 
-    /// A field without quotes around it; a quote within is refused, because readers differ about it.
-    fn plain(&mut self) -> Result<String, ReadError> {
-        let is_end = |it: char| it == self.separator || it == '\n' || it == '\r';
-        let (field, rest) = self.rest.split_at(self.rest.find(is_end).unwrap_or(self.rest.len()));
-        if field.contains('"') {
-            return Err(self.error(format!("a quote stands within the field `{field}`")));
-        }
-        self.rest = rest;
-        if rest.starts_with('\r') && !rest.starts_with("\r\n") {
-            return Err(self.error("a carriage return stands without a line end"));
-        }
-        Ok(field.to_owned())
-    }
-
-    /// The rest of a field whose first quote has been read.
-    fn quoted(&mut self) -> Result<String, ReadError> {
-        let mut field = String::new();
-        loop {
-            let Some(end) = self.rest.find('"') else {
-                return Err(self.error("a quote is not closed"));
-            };
-            let (part, rest) = (&self.rest[..end], &self.rest[end + 1..]);
-            field += part;
-            match rest.strip_prefix('"') {
-                Some(rest) => {
-                    field.push('"');
-                    self.rest = rest;
-                }
-                None => {
-                    self.rest = rest;
-                    self.line += field.matches('\n').count();
-                    return Ok(field);
-                }
-            }
-        }
-    }
-
-    fn take_line_end(&mut self) -> bool {
-        let rest = self.rest.strip_prefix("\r\n").or_else(|| self.rest.strip_prefix('\n'));
-        self.line += usize::from(rest.is_some());
-        self.rest = rest.unwrap_or(self.rest);
-        rest.is_some()
-    }
-
-    fn error(&self, what: impl Into<String>) -> ReadError {
-        ReadError::line(FORMAT, self.line, what)
+fn check_length(found: usize, header: Option<&Record>) -> Result<(), String> {
+    match header.map(|it| it.fields.len()).filter(|&it| it != found) {
+        Some(expected) => Err(format!("it has {found} fields, but the header has {expected}")),
+        None => Ok(()),
     }
 }
 
@@ -119,7 +92,7 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Result<Vec<Record>, String> {
-        read_records(text.as_bytes(), ',').map_err(|it| it.to_string())
+        read_records(text.as_bytes(), b',').map_err(|it| it.to_string())
     }
 
     #[track_caller]
@@ -138,6 +111,7 @@ mod tests {
         check("\"a,\"\"x\"\"\",b\n1,2\n", &[(1, &["a,\"x\"", "b"]), (2, &["1", "2"])]);
         check("\"a\nb\",c\n1,\"\"\n", &[(1, &["a\nb", "c"]), (3, &["1", ""])]);
         check("a\n\"\"\n", &[(1, &["a"]), (2, &[""])]);
+        check("a\r\n\r\n\"1\r\n2\"\r\n\n3\r\n", &[(1, &["a"]), (3, &["1\r\n2"]), (6, &["3"])]);
         check("ä, x \n", &[(1, &["ä", " x "])]);
     }
 
@@ -151,6 +125,15 @@ mod tests {
             "CSV file, line 3: it has 3 fields, but the header has 2"
         );
         assert_eq!(error("a,b\n1,\"2\n"), "CSV file, line 2: a quote is not closed");
+        assert_eq!(
+            error("a\r\n1\r\n2,3\r\n"),
+            "CSV file, line 3: it has 2 fields, but the header has 1"
+        );
+        assert_eq!(error("a\n\"1\n2\n"), "CSV file, line 2: a quote is not closed");
+        assert_eq!(
+            error("a,b\n\"1\"\"\",\"2\"x\"\"\n"),
+            "CSV file, line 2: text follows a quoted field"
+        );
         assert_eq!(error("a\n\"1\" m\n"), "CSV file, line 2: text follows a quoted field");
         assert_eq!(error("a\n6\"\n"), "CSV file, line 2: a quote stands within the field `6\"`");
         assert_eq!(

@@ -38,8 +38,8 @@ pub fn read_table(
     options: &TableFileOptions,
 ) -> Result<Table, ReadError> {
     let table = match extension {
-        "csv" => from_records(&read_records(bytes, ',')?, options),
-        "tsv" => from_records(&read_records(bytes, '\t')?, options),
+        "csv" => from_records(&read_records(bytes, b',')?, options),
+        "tsv" => from_records(&read_records(bytes, b'\t')?, options),
         "toml" => from_toml(text("TOML", bytes)?, options),
         _ => {
             return Err(ReadError::Unknown {

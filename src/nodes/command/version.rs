@@ -1,13 +1,8 @@
 //! Asks a program for its version.
 
-use std::{
-    collections::BTreeMap,
-    path::Path,
-    process::Stdio,
-    time::{Duration, Instant},
-};
+use std::{collections::BTreeMap, path::Path, process::Stdio, time::Duration};
 
-use crate::engine::node::{Answer, Facts, Question};
+use crate::engine::node::{Answer, CancelToken, Facts, Question};
 use crate::engine::program::{self, End, Program};
 
 /// Longer than any program takes to print its version.
@@ -33,9 +28,9 @@ fn ask(arguments: &[String], env: &BTreeMap<String, String>) -> Result<Answer, S
         environment: environment.clone(),
         own_group: true,
     };
-    let start = Instant::now();
-    let is_late = || start.elapsed() > TIME_LIMIT;
-    let (end, printed) = program::run(&program, Stdio::null(), None, &is_late)
+    let cancel = CancelToken::never().with_limit(Some(TIME_LIMIT));
+    let (end, printed) = program
+        .run(Stdio::null(), None, &cancel)
         .map_err(|e| format!("cannot start `{shown}`: {e}"))?;
     if end != End::Exited(0) {
         let last = printed.stderr.last_lines(4);

@@ -18,17 +18,14 @@ use serde::Serialize;
 use serde_json::{Value as Json, json};
 use tempfile::TempDir;
 
-use crate::engine::node::NodeError;
-use crate::engine::program::{self, End, Printed, Process, Program};
+use crate::engine::node::{CancelToken, NodeError};
+use crate::engine::program::{self, Printed, Process, Program};
 
 /// The other side, in Python.
 pub const HOST: &str = include_str!("host.py");
 
 /// How often it is asked whether the result is still wanted.
 const TICK: Duration = Duration::from_millis(20);
-
-/// So many lines of what was printed are shown when an interpreter ends.
-const SHOWN_LINES: usize = 12;
 
 /// What an interpreter is made ready for.
 #[derive(Debug, Serialize)]
@@ -63,7 +60,7 @@ impl Interpreter {
     ///
     /// # Errors
     /// If there is none, it has no numpy, or the script fails.
-    pub fn start(script: &Script, is_unwanted: &dyn Fn() -> bool) -> Result<Self, NodeError> {
+    pub fn start(script: &Script, cancel: &CancelToken) -> Result<Self, NodeError> {
         let name = &script.interpreter;
         let path = program::find(name, &script.environment).map_err(NodeError::environment)?;
         let fail = |e: io::Error| NodeError::environment(format!("cannot start `{name}`: {e}"));
@@ -81,7 +78,7 @@ impl Interpreter {
         let process = start_detached(program, OwnedFd::from(theirs).into()).map_err(fail)?;
         let mut res = Self { process, channel, _folder: folder };
         let load = json!({ "load": { "script": script.script, "modules": script.modules } });
-        res.call(&load, is_unwanted)?;
+        res.call(&load, cancel)?;
         Ok(res)
     }
 
@@ -95,27 +92,25 @@ impl Interpreter {
     /// # Errors
     /// If the function fails, or the interpreter ends, or the result is no longer wanted. The interpreter
     /// must not be used again then.
-    pub fn call(
-        &mut self,
-        request: &Json,
-        is_unwanted: &dyn Fn() -> bool,
-    ) -> Result<Printed, NodeError> {
+    pub fn call(&mut self, request: &Json, cancel: &CancelToken) -> Result<Printed, NodeError> {
         let fail = |e: io::Error| NodeError::environment(format!("cannot talk to Python: {e}"));
         // What a thread has printed after the last call belongs to nobody.
-        self.process.listen(None, Duration::ZERO).map_err(fail)?;
-        self.process.printed = Printed::default();
+        self.process.listen(None, Duration::ZERO, &mut |_, _| {}).map_err(fail)?;
+        let mut printed = Printed::default();
         let text = serde_json::to_vec(request).expect("requests are plain data");
         let length = u32::try_from(text.len())
             .map_err(|_| NodeError::failed("the script and its parameters are larger than 4 GB"))?;
         let sent = self.channel.write_all(&length.to_le_bytes());
         if sent.and_then(|()| self.channel.write_all(&text)).is_err() {
-            return Err(self.crashed());
+            return Err(self.crashed(printed));
         }
-        let Some(response) = self.response(is_unwanted).map_err(fail)? else {
-            return Err(if is_unwanted() { NodeError::failed("stopped") } else { self.crashed() });
+        let Some(response) = self.response(cancel, &mut printed).map_err(fail)? else {
+            return Err(match cancel.is_cancelled() {
+                true => NodeError::failed("stopped"),
+                false => self.crashed(printed),
+            });
         };
-        self.process.listen(None, Duration::ZERO).map_err(fail)?;
-        let printed = std::mem::take(&mut self.process.printed);
+        self.process.listen(None, Duration::ZERO, &mut printed.listener()).map_err(fail)?;
         let Some(mistake) = response.get("mistake").and_then(Json::as_str) else {
             return Ok(printed);
         };
@@ -125,11 +120,16 @@ impl Interpreter {
     }
 
     /// A whole message; `None` if the interpreter has ended, or nobody wants it any more.
-    fn response(&mut self, is_unwanted: &dyn Fn() -> bool) -> io::Result<Option<Json>> {
+    fn response(
+        &mut self,
+        cancel: &CancelToken,
+        printed: &mut Printed,
+    ) -> io::Result<Option<Json>> {
         let mut bytes = Vec::new();
         let mut buffer = [0; 16 << 10];
         loop {
-            if self.process.listen(Some(self.channel.as_raw_fd()), TICK)? {
+            let channel = Some(self.channel.as_raw_fd());
+            if self.process.listen(channel, TICK, &mut printed.listener())? {
                 match self.channel.read(&mut buffer) {
                     Ok(0) => return Ok(None),
                     Ok(n) => bytes.extend_from_slice(&buffer[..n]),
@@ -146,14 +146,14 @@ impl Interpreter {
                 }
             }
             // A child of it may hold the channel open after it has ended.
-            if is_unwanted() || self.process.ended().is_some() {
+            if cancel.is_cancelled() || self.process.ended().is_some() {
                 return Ok(None);
             }
         }
     }
 
     /// How the interpreter ended, with the last that it printed.
-    fn crashed(&mut self) -> NodeError {
+    fn crashed(&mut self, mut printed: Printed) -> NodeError {
         // The channel is closed a moment before the process is over.
         for _ in 0..50 {
             if self.process.ended().is_some() {
@@ -161,19 +161,12 @@ impl Interpreter {
             }
             thread::sleep(Duration::from_millis(10));
         }
-        let _ = self.process.listen(None, Duration::ZERO);
+        let _ = self.process.listen(None, Duration::ZERO, &mut printed.listener());
         let how = match self.process.ended() {
-            Some(End::Exited(code)) => format!("ended with exit code {code}"),
-            Some(End::Signalled(signal)) => format!("was ended by signal {signal}"),
-            _ => "does not answer any more".to_owned(),
+            Some(end) => end.to_string(),
+            None => "does not answer any more".to_owned(),
         };
-        let printed = &self.process.printed;
-        let last = if printed.stderr.is_empty() { &printed.stdout } else { &printed.stderr };
-        let last = match last.last_lines(SHOWN_LINES) {
-            lines if lines.is_empty() => lines,
-            lines => format!("; it printed:\n{lines}"),
-        };
-        NodeError::failed(format!("the interpreter {how}{last}"))
+        NodeError::failed(format!("the interpreter {how}{}", printed.shown_end()))
     }
 }
 
@@ -186,7 +179,7 @@ fn start_detached(program: Program, stdin: Stdio) -> io::Result<Process> {
         let (orders, queue) = mpsc::channel::<Order>();
         thread::spawn(move || {
             for (program, stdin, reply) in queue {
-                let _ = reply.send(Process::start(&program, stdin, None));
+                let _ = reply.send(program.start(stdin, None));
             }
         });
         orders

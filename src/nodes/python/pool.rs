@@ -9,7 +9,7 @@ use serde_json::Value as Json;
 
 use super::interpreter::{Interpreter, Script};
 use crate::engine::digest::Digest;
-use crate::engine::node::NodeError;
+use crate::engine::node::{CancelToken, NodeError};
 use crate::engine::program::Printed;
 
 /// Interpreters by what they are made ready for, the one that has waited longest first. When the program
@@ -21,18 +21,14 @@ static WAITING: Mutex<Vec<(Digest, Interpreter)>> = Mutex::new(Vec::new());
 ///
 /// # Errors
 /// See [`Interpreter::call`].
-pub fn call(
-    script: &Script,
-    request: &Json,
-    is_unwanted: &dyn Fn() -> bool,
-) -> Result<Printed, NodeError> {
+pub fn call(script: &Script, request: &Json, cancel: &CancelToken) -> Result<Printed, NodeError> {
     let text = serde_json::to_vec(script).expect("scripts are plain data");
     let digest = Digest::of(&text);
     let mut interpreter = match waiting(&digest) {
         Some(interpreter) => interpreter,
-        None => Interpreter::start(script, is_unwanted)?,
+        None => Interpreter::start(script, cancel)?,
     };
-    let printed = interpreter.call(request, is_unwanted)?;
+    let printed = interpreter.call(request, cancel)?;
     put_back(digest, interpreter);
     Ok(printed)
 }

@@ -1,17 +1,11 @@
 //! Asks an interpreter for its version and those of packages.
 
-use std::{
-    collections::BTreeMap,
-    ffi::OsString,
-    path::PathBuf,
-    process::Stdio,
-    time::{Duration, Instant},
-};
+use std::{collections::BTreeMap, ffi::OsString, path::PathBuf, process::Stdio, time::Duration};
 
 use serde::Deserialize;
 
 use super::interpreter::HOST;
-use crate::engine::node::{Answer, Facts, Question};
+use crate::engine::node::{Answer, CancelToken, Facts, Question};
 use crate::engine::program::{self, End, Program};
 
 /// Longer than any interpreter takes to look around.
@@ -52,9 +46,9 @@ fn ask(
         environment: environment.clone(),
         own_group: true,
     };
-    let start = Instant::now();
-    let is_late = || start.elapsed() > TIME_LIMIT;
-    let (end, printed) = program::run(&program, Stdio::null(), None, &is_late)
+    let cancel = CancelToken::never().with_limit(Some(TIME_LIMIT));
+    let (end, printed) = program
+        .run(Stdio::null(), None, &cancel)
         .map_err(|e| format!("cannot start `{interpreter}`: {e}"))?;
     if end != End::Exited(0) {
         let last = printed.stderr.last_lines(6);

@@ -61,10 +61,15 @@ fn read_separated(
         .trim(csv::Trim::All)
         .from_reader(text.trim_start_matches('\u{feff}').as_bytes());
     let offset = text.len() - text.trim_start_matches('\u{feff}').len();
+    let place = |at: Option<&csv::Position>| {
+        let rest = &text[at.map_or(0, |it| it.byte() as usize + offset).min(text.len())..];
+        // The reader takes empty lines, and the `\n` of a `\r\n`, for the start of the next row.
+        let start = text.len() - rest.trim_start_matches(['\r', '\n']).len();
+        let end = text[start..].find(['\r', '\n']).map_or(text.len(), |it| start + it);
+        Place { source, span: start..end }
+    };
     let mut fail = |at: Option<&csv::Position>, message: String| {
-        let start = at.map_or(0, |it| it.byte() as usize + offset).min(text.len());
-        let end = text[start..].find('\n').map_or(text.len(), |it| start + it);
-        let problem = Diagnostic::error(&Place { source, span: start..end }, message);
+        let problem = Diagnostic::error(&place(at), message);
         reading.problems.push(problem.related(Some(&value.place), "the table is used here"));
     };
     let names: Vec<Arc<str>> = match reader.headers() {
@@ -80,9 +85,11 @@ fn read_separated(
     }
     let fields: Vec<&str> = std::iter::once("").chain(names.iter().map(|it| &**it)).collect();
     let mut res = List::with_fields(fields);
-    for (index, row) in reader.records().enumerate() {
-        let row = match row {
-            Ok(row) => row,
+    let mut row = csv::StringRecord::new();
+    loop {
+        match reader.read_record(&mut row) {
+            Ok(true) => {}
+            Ok(false) => return Some(res),
             Err(error) => {
                 let message = match error.kind() {
                     csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
@@ -93,17 +100,20 @@ fn read_separated(
                 fail(error.position(), message);
                 return None;
             }
-        };
-        let start = row.position().map_or(0, |it| it.byte() as usize + offset).min(text.len());
-        let end = text[start..].find('\n').map_or(text.len(), |it| start + it);
-        let place = Place { source, span: start..end };
+        }
+        let place = place(row.position());
+        // The reader takes all that follows an open quote for one cell.
+        let end = reader.position().byte() as usize + offset;
+        if text[place.span.start..end].matches('"').count() % 2 == 1 {
+            fail(row.position(), "a quote is not closed in this row".to_owned());
+            return None;
+        }
         let mut values = vec![Value::new(Data::Broken, place.clone())];
         values.extend(row.iter().map(|it| Value::new(cell(it), place.clone())));
-        let label = row_label(&names, &values[1..], index);
+        let label = row_label(&names, &values[1..], res.items.len());
         values[0].data = Data::Text(label.as_str().into());
         res.push(label, values);
     }
-    Some(res)
 }
 
 /// A cell is a number or a truth value if it reads like one.

@@ -4,7 +4,7 @@ use std::{
     collections::BTreeMap,
     fs::File,
     io::{self, Read},
-    process::Command,
+    process::{Command, Stdio},
     time::Instant,
 };
 
@@ -16,7 +16,7 @@ use crate::engine::{
     labels::Labels,
     library::Library,
     node::{NodeOutputs, ProgressFn},
-    process::{self, Answer, Ended, Stopped, Watched},
+    program::{End, Input, Lines, Process, Stream, Tail},
     run::{
         RunOptions,
         worker::{Context, JobInputs, JobResult, Value},
@@ -158,28 +158,50 @@ impl Exchange<'_> {
             .map_err(|e| machine(format!("cannot describe the job to a worker: {e}")))?;
         text.push(b'\n');
         let mut command = Command::new(&program.path);
-        command.args(&program.args);
-        let id = self.instance.id();
-        let watched = Watched {
-            stdin: &text,
-            on_line: &mut |line| self.hear(line, progress),
-            on_error_line: &mut |line| tracing::info!(instance = id, line, "a worker says"),
-        };
-        let ended = process::run(command, false, cancel, watched)
+        command.args(&program.args).stdin(Stdio::piped()).stdout(Stdio::piped());
+        let (end, stderr) = self
+            .talk(command, text, cancel, progress)
             .map_err(|e| machine(format!("cannot start a worker: {e}")))?;
-        match (self.last.take(), ended.stopped) {
+        match (self.last.take(), end) {
             (Some(result), _) => result.map_err(Some),
-            (None, Some(Stopped::GivenUp)) => Err(None),
-            (None, Some(Stopped::Late)) => Err(Some(too_late(self.instance))),
-            (None, None) => Err(Some(self.crash(&ended))),
+            (None, End::GivenUp) => Err(None),
+            (None, End::Late) => Err(Some(too_late(self.instance))),
+            (None, _) => Err(Some(self.crash(end, &stderr))),
         }
     }
 
-    fn hear(&mut self, line: &str, progress: ProgressFn<'_>) -> Answer {
+    /// How the worker ended, and the end of its standard error.
+    fn talk(
+        &mut self,
+        command: Command,
+        job: Vec<u8>,
+        cancel: &CancelToken,
+        progress: ProgressFn<'_>,
+    ) -> io::Result<(End, Tail)> {
+        let id = self.instance.id();
+        let log = |line: &str| tracing::info!(instance = id, line, "a worker says");
+        let (mut lines, mut error_lines) = (Lines::default(), Lines::default());
+        let mut stderr = Tail::default();
+        let mut worker = Process::start(command, true)?;
+        let mut input = Some(worker.feed(job));
+        let end = worker.watch(cancel, &mut |stream, bytes| match stream {
+            Stream::Stdout => lines.push(bytes, |it| self.hear(it, progress, &mut input)),
+            Stream::Stderr => {
+                stderr.push(bytes);
+                error_lines.push(bytes, log);
+            }
+        })?;
+        lines.end(|it| self.hear(it, progress, &mut input));
+        error_lines.end(log);
+        Ok((end, stderr))
+    }
+
+    /// Takes in a line; after the last one, the worker's input is closed.
+    fn hear(&mut self, line: &str, progress: ProgressFn<'_>, input: &mut Option<Input>) {
         let result = match serde_json::from_str(line) {
             Ok(Line::Progress { fraction, text }) => {
                 progress(fraction, &text);
-                return Answer::Nothing;
+                return;
             }
             Ok(Line::Done { outputs, absent, notes }) => self.outputs(&outputs, absent, notes),
             Ok(Line::Failed { message }) => Err(self.blame_limit(message, Failure::Node)),
@@ -190,7 +212,7 @@ impl Exchange<'_> {
             Err(error) => Err(Failure::Panic(format!("the worker says `{line}`: {error}"))),
         };
         self.last = Some(result);
-        Answer::Close
+        *input = None;
     }
 
     /// A failure that may come from the memory limit: not every allocation that fails ends the worker.
@@ -232,9 +254,10 @@ impl Exchange<'_> {
     }
 
     /// A worker that ended without a last line.
-    fn crash(&self, ended: &Ended) -> Failure {
-        let how = format!("the worker {}", process::describe(ended.status));
-        let no_memory = ended.stderr.iter().find(|it| it.starts_with("memory allocation of "));
+    fn crash(&self, end: End, stderr: &Tail) -> Failure {
+        let how = format!("the worker {end}");
+        let text = stderr.text();
+        let no_memory = text.lines().find(|it| it.starts_with("memory allocation of "));
         let limit = self.instance.settings.isolate.and_then(|it| it.memory);
         match (no_memory, limit) {
             (Some(what), Some(limit)) => {
@@ -248,12 +271,12 @@ impl Exchange<'_> {
             }
             (None, _) => {}
         }
-        if std::os::unix::process::ExitStatusExt::signal(&ended.status) == Some(libc::SIGKILL) {
+        if end == End::Signalled(libc::SIGKILL) {
             // Nobody else kills so: either a person, or the system that is out of memory.
             let hint = "the machine may have run out of memory";
-            return Failure::Environment(format!("{how}; {hint}{}", last_words(ended)));
+            return Failure::Environment(format!("{how}; {hint}{}", last_words(stderr)));
         }
-        Failure::Panic(format!("{how}{}", last_words(ended)))
+        Failure::Panic(format!("{how}{}", last_words(stderr)))
     }
 }
 
@@ -266,10 +289,8 @@ fn read(file: &ArtifactFile) -> io::Result<Vec<u8>> {
 }
 
 /// The end of its standard error, on lines of their own.
-fn last_words(ended: &Ended) -> String {
-    const N_LINES: usize = 8;
-    let lines = &ended.stderr[ended.stderr.len().saturating_sub(N_LINES)..];
-    lines.iter().map(|it| format!("\n    {it}")).collect()
+fn last_words(stderr: &Tail) -> String {
+    stderr.last_lines(8).lines().map(|it| format!("\n    {it}")).collect()
 }
 
 /// The failure of an instance whose time is over.
