@@ -159,6 +159,10 @@ impl Exchange<'_> {
         text.push(b'\n');
         let mut command = Command::new(&program.path);
         command.args(&program.args).stdin(Stdio::piped()).stdout(Stdio::piped());
+        if job.memory.is_some() {
+            // The program's allocator would take a gigabyte at its start, which counts though nobody uses it.
+            command.env("MIMALLOC_ARENA_EAGER_COMMIT", "0");
+        }
         let (end, stderr) = self
             .talk(command, text, cancel, progress)
             .map_err(|e| machine(format!("cannot start a worker: {e}")))?;
@@ -217,9 +221,8 @@ impl Exchange<'_> {
 
     /// A failure that may come from the memory limit: not every allocation that fails ends the worker.
     fn blame_limit(&self, message: String, failure: fn(String) -> Failure) -> Failure {
-        let is_memory = ["out of memory", "Cannot allocate memory", "memory allocation of "];
         match self.instance.settings.isolate.and_then(|it| it.memory) {
-            Some(limit) if is_memory.iter().any(|it| message.contains(it)) => {
+            Some(limit) if lacks_memory(&message) => {
                 let limit = show_memory(limit);
                 Failure::Node(format!("needs more memory than its limit of {limit}: {message}"))
             }
@@ -257,19 +260,19 @@ impl Exchange<'_> {
     fn crash(&self, end: End, stderr: &Tail) -> Failure {
         let how = format!("the worker {end}");
         let text = stderr.text();
-        let no_memory = text.lines().find(|it| it.starts_with("memory allocation of "));
-        let limit = self.instance.settings.isolate.and_then(|it| it.memory);
-        match (no_memory, limit) {
+        let no_memory = text.lines().find(|it| lacks_memory(it));
+        match (no_memory, self.instance.settings.isolate.and_then(|it| it.memory)) {
             (Some(what), Some(limit)) => {
                 let limit = show_memory(limit);
                 return Failure::Node(format!(
                     "needs more memory than its limit of {limit}: {what}"
                 ));
             }
-            (Some(what), None) => {
+            // Only what the allocator says is sure to be the end of it.
+            (Some(what), None) if what.starts_with(ALLOCATOR_SAYS) => {
                 return Failure::Environment(format!("the machine has no memory left: {what}"));
             }
-            (None, _) => {}
+            _ => {}
         }
         if end == End::Signalled(libc::SIGKILL) {
             // Nobody else kills so: either a person, or the system that is out of memory.
@@ -278,6 +281,16 @@ impl Exchange<'_> {
         }
         Failure::Panic(format!("{how}{}", last_words(stderr)))
     }
+}
+
+/// The start of the last line of a program whose allocator has given up.
+const ALLOCATOR_SAYS: &str = "memory allocation of ";
+
+/// Whether a message tells of memory that was not given: to the allocator, or to a thread that starts.
+fn lacks_memory(message: &str) -> bool {
+    ["out of memory", "Cannot allocate memory", ALLOCATOR_SAYS]
+        .iter()
+        .any(|it| message.contains(it))
 }
 
 fn read(file: &ArtifactFile) -> io::Result<Vec<u8>> {
