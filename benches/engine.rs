@@ -26,10 +26,6 @@ use sinew::engine::{
     toy::TOY,
 };
 
-/// As in the program.
-#[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
-
 const LAYERS: usize = 10;
 const OFFSETS: [usize; 3] = [0, 1, 7];
 

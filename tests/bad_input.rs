@@ -87,14 +87,14 @@ fn files_that_are_no_meshes() {
     file_fails("empty.ply", "", &["empty"]);
     file_fails("nan.obj", "v 0 0 0\nv 1 nan 0\nv 0 1 0\nf 1 2 3\n", &["vertex 1", "NaN"]);
     file_fails("inf.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 inf 0\n3 0 1 2\n", &["vertex 2", "inf"]);
-    file_fails("points.off", "OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n", &["3 points", "no faces"]);
     file_fails(
         "range.off",
         "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n",
         &["vertex 7", "there are 3"],
     );
     file_fails("truncated.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n", &["truncated.off"]);
-    file_fails("other.xyz", "0 0 0\n", &["xyz"]);
+    file_fails("other.abc", "0 0 0\n", &["abc"]);
+    file_fails("words.xyz", "0 0 zero\n", &["words.xyz"]);
 }
 
 #[test]

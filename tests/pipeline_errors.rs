@@ -572,7 +572,7 @@ fn inner_pipelines() {
     check_files(
         &[("pipeline.toml", &uses), ("inner.toml", &wrong)],
         &[
-            "11:5: `p` has no output `z` (did you mean `y`?)",
+            "11:5: `p` has no output `z` (expected `y`)",
             "inner.toml:8:1: kind `scale` has no key `fcator` (did you mean `factor`?)",
         ],
     );

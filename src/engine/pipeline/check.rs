@@ -267,7 +267,7 @@ impl Checker<'_> {
             None
         };
         let settings = draft.settings.clone().complete();
-        let n_problems = self.problems.len();
+        let (n_problems, n_before) = (self.problems.len(), instances.len());
         for point in repeated.repeat.points(axes) {
             let node = match &shared {
                 Some(node) => Some(node.clone()),
@@ -293,7 +293,8 @@ impl Checker<'_> {
                 field_places: Arc::clone(&field_places),
             });
         }
-        self.problems.len() == n_problems
+        // A value that is broken has been reported where it is written.
+        instances.len() - n_before == repeated.repeat.count
     }
 
     /// The node at one item of its axes.

@@ -159,10 +159,6 @@ impl Exchange<'_> {
         text.push(b'\n');
         let mut command = Command::new(&program.path);
         command.args(&program.args).stdin(Stdio::piped()).stdout(Stdio::piped());
-        if job.memory.is_some() {
-            // The program's allocator would take a gigabyte at its start, which counts though nobody uses it.
-            command.env("MIMALLOC_ARENA_EAGER_COMMIT", "0");
-        }
         let (end, stderr) = self
             .talk(command, text, cancel, progress)
             .map_err(|e| machine(format!("cannot start a worker: {e}")))?;
