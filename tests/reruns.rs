@@ -423,6 +423,14 @@ struct Watcher {
 impl Watcher {
     fn start(folder: &Folder) -> Self {
         let mut command = folder.command(&["watch", "p.toml", "--poll", "20"]);
+        // Who runs the tests may ignore the signal (`nohup`), and children inherit that.
+        // SAFETY: `signal` may be called between fork and exec.
+        unsafe {
+            std::os::unix::process::CommandExt::pre_exec(&mut command, || {
+                libc::signal(libc::SIGINT, libc::SIG_DFL);
+                Ok(())
+            });
+        }
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         let stderr = BufReader::new(child.stderr.take().unwrap());
         let (sender, lines) = channel();
