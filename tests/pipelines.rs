@@ -91,6 +91,43 @@ fn a_cloud_and_a_broken_mesh_get_skeletons_as_good_as_the_clean_mesh_does() {
 }
 
 #[test]
+fn a_sweep_computes_what_depends_on_it_and_gathers_the_rest() {
+    let folder = tempfile::tempdir().unwrap();
+    let small = ["--set", "n_vertices=1500", "--limit", "k=2"];
+    let first = run(folder.path(), "sweep.toml", &[&small[..], &["--limit", "body=2"]].concat());
+    assert!(first.contains("transfer/target_basis@2,40"), "{first}");
+    // Laplacians do not depend on the sweep: one a body.
+    assert_eq!(first.matches("ran  transfer/target_laplacian").count(), 2, "{first}");
+    let rows = folder.path().join("out/sweep/rows.csv");
+    assert_eq!(column(&rows, "body"), [2.0, 2.0, 3.0, 3.0]);
+    assert_eq!(column(&rows, "k"), [40.0, 80.0, 40.0, 80.0]);
+    assert!(column(&rows, "mean of height").iter().all(|it| *it < 3.0));
+    for file in ["errors.md", "errors.tex", "curve.svg", "curve.png", "cdf.png"] {
+        assert!(fs::metadata(folder.path().join("out/sweep").join(file)).unwrap().len() > 100);
+    }
+    let more = run(folder.path(), "sweep.toml", &[&small[..], &["--only", "body=2,3,5"]].concat());
+    assert!(more.contains("ran  target@5") && !more.contains("ran  target@2"), "{more}");
+    assert_eq!(more.matches("ran  transfer/target_laplacian").count(), 1, "{more}");
+}
+
+#[test]
+fn people_of_a_table_get_the_skeleton_of_one_adult() {
+    let mirror = root().join("../shared/data");
+    if !mirror.join("makehuman").is_dir() {
+        eprintln!("skipped: the corpus is not there");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let mirror = mirror.display().to_string();
+    let some = ["--only", "person=boy,man_strong", "--mirror", &mirror, "--offline"];
+    run(folder.path(), "population.toml", &some);
+    let out = folder.path().join("out/population");
+    assert!(out.join("boy.glb").is_file() && !out.join("woman.glb").exists());
+    let errors = column(&out.join("errors.csv"), "mean of height");
+    assert!(errors.len() == 6 && errors[..2].iter().all(|it| *it < 1.5), "{errors:?} %");
+}
+
+#[test]
 fn real_shapes_get_skeletons_as_good_as_the_readme_says() {
     let mirror = root().join("../shared/data");
     if !mirror.join("makehuman").is_dir() {
