@@ -575,7 +575,7 @@ fn random_pipeline(nodes: &[RandomNode]) -> (String, i64) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 1000, ..ProptestConfig::default() })]
 
     /// However a pipeline is edited, and whatever is lost in between, a run gives what a fresh
     /// evaluation gives, at any number of threads; and what the plan foresees is what happens.
