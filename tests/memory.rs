@@ -95,7 +95,6 @@ fn a_run_over_more_than_its_memory_stays_within_the_budget() {
     let base = peak(1);
     let found = peak(N_TEXTS);
     println!("base {base}, with {N_TEXTS} texts {found}, budget {BUDGET}");
-    // Aimed at is 110 %; on a busy machine 134 % was seen, as freed pages go back to the system late.
-    let (allowed, total) = (base + BUDGET * 16 / 10, (N_TEXTS * TEXT_BYTES) as u64);
-    assert!(found <= allowed, "{found} bytes of {total}, with {base} + 160 % of {BUDGET} allowed");
+    let (allowed, total) = (base + BUDGET * 11 / 10, (N_TEXTS * TEXT_BYTES) as u64);
+    assert!(found <= allowed, "{found} bytes of {total}, with {base} + 110 % of {BUDGET} allowed");
 }

@@ -40,25 +40,10 @@ impl<'a> Coordinator<'a> {
         let slot = &mut self.slots[producer];
         slot.readers = slot.readers.saturating_sub(1);
         if slot.readers == 0 {
-            self.live_bytes -= slot.live_bytes();
+            let dropped = slot.live_bytes();
             slot.live.clear();
-        }
-    }
-
-    /// Drops artifacts that are stored as long as memory is above the budget.
-    pub(super) fn relieve_memory(&mut self) {
-        let budget = self.context.options.memory;
-        let others = self.bytes_in_use() - self.live_bytes;
-        if self.live_bytes + others <= budget {
-            return;
-        }
-        // What could not be read once stays in memory: it would be lost and made again for ever.
-        for slot in self.slots.iter_mut().filter(|it| it.stored && !it.was_lost) {
-            self.live_bytes -= slot.live_bytes();
-            slot.live.clear();
-            if self.live_bytes + others <= budget {
-                return;
-            }
+            self.live_bytes -= dropped;
+            self.freed_bytes += dropped;
         }
     }
 

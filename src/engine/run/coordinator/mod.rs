@@ -1,6 +1,7 @@
 //! The coordinator: every change of a run's state.
 
 mod end;
+mod memory;
 mod outputs;
 mod prepare;
 mod receive;
@@ -66,6 +67,8 @@ pub struct Coordinator<'a> {
     reserved_bytes: u64,
     /// Bytes that wait to be written to the store.
     pending_bytes: u64,
+    /// Bytes that were freed since memory was given back to the system.
+    freed_bytes: u64,
     /// The most bytes that an instance of a kind has given in this run.
     largest_outputs: HashMap<&'static str, u64>,
     pools: HashMap<usize, Vec<Arc<ThreadPool>>>,
@@ -124,6 +127,7 @@ impl<'a> Coordinator<'a> {
             live_bytes: 0,
             reserved_bytes: 0,
             pending_bytes: 0,
+            freed_bytes: 0,
             largest_outputs: HashMap::new(),
             pools: HashMap::new(),
             planned: false,

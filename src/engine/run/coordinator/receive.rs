@@ -95,7 +95,9 @@ impl<'a> Coordinator<'a> {
             Message::Stored { instances } => {
                 for index in instances {
                     self.slots[index].stored = true;
-                    self.pending_bytes -= std::mem::take(&mut self.slots[index].pending);
+                    let written = std::mem::take(&mut self.slots[index].pending);
+                    self.pending_bytes -= written;
+                    self.freed_bytes += written;
                 }
                 self.relieve_memory();
             }

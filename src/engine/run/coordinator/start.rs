@@ -89,34 +89,10 @@ impl<'a> Coordinator<'a> {
                 let Some(claim) = self.claim(index) else { continue };
                 self.slots[index].claim = Some(claim);
             }
+            self.give_back_memory(index);
             return Some(self.run_job(index));
         }
         None
-    }
-
-    /// Whether an instance's inputs and outputs fit into the memory budget.
-    pub(super) fn fits(&self, index: NodeIndex) -> bool {
-        self.bytes_in_use() + self.bytes_needed(index) <= self.context.options.memory
-    }
-
-    pub(super) fn bytes_in_use(&self) -> u64 {
-        self.live_bytes + self.reserved_bytes + self.pending_bytes
-    }
-
-    /// What a job needs beside what is in memory: inputs that it reads, the largest of them twice
-    /// (stored and decoded), and its outputs as values and as stored. How large these will be is
-    /// guessed from others of its kind.
-    fn bytes_needed(&self, index: NodeIndex) -> u64 {
-        let to_load = self.input_refs(index).into_iter().filter_map(|from| {
-            let slot = &self.slots[from.instance];
-            let in_memory = slot.live.contains_key(from.port);
-            let info = slot.outputs.as_ref()?.artifacts.get(from.port)?;
-            (!in_memory).then_some(info.bytes)
-        });
-        let (sum, largest) = to_load.fold((0, 0), |(sum, max), it| (sum + it, it.max(max)));
-        let kind = self.context.graph.instances[index].kind.spec.kind;
-        let outputs = self.largest_outputs.get(kind).copied().unwrap_or(0);
-        sum + largest + 2 * outputs
     }
 
     /// Claims a key, unless another process has it or has just stored its result.
