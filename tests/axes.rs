@@ -305,6 +305,7 @@ range = { from = 1, to = 3 }
 [axes.b]
 copy_of = "a"
 where = "b < 3"
+label = "no${b}"
 [nodes.number]
 kind = "number"
 value = "${a}"
@@ -312,18 +313,23 @@ value = "${a}"
 kind = "add"
 terms = ["@number", "@number[a=b]"]
 weights = [10, 1]
+[nodes.again]
+kind = "number"
+value = "${b}"
 [nodes.all]
 kind = "gather"
 numbers = "@product"
 over = "*"
 [outputs]
 "out/all.txt" = "@all"
+"out/${b}_${b.label}.txt" = "@again"
 "#;
     let folder = Folder::new(&[("pipeline.toml", text)]);
     folder.run();
+    assert_eq!(folder.read("out/2_no2.txt"), "2\n");
     assert_eq!(
         folder.read("out/all.txt"),
-        "a=1 b=1: 11\na=1 b=2: 12\na=2 b=1: 21\na=2 b=2: 22\na=3 b=1: 31\na=3 b=2: 32\n"
+        "a=1 b=no1: 11\na=1 b=no2: 12\na=2 b=no1: 21\na=2 b=no2: 22\na=3 b=no1: 31\na=3 b=no2: 32\n"
     );
 }
 

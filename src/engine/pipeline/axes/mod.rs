@@ -36,6 +36,8 @@ pub struct Axis {
     /// itself.
     pub fields: Vec<Arc<str>>,
     pub items: Vec<Item>,
+    /// Whether items are single values, which `${axis}` gives; of others it gives the label.
+    pub is_plain: bool,
     /// The axis whose items these are, once (`copy_of`) or two by two (`pairs`).
     pub base: Base,
 }

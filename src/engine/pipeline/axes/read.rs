@@ -32,6 +32,7 @@ pub fn read(table: &AxisTable, known: &[Axis], reading: &mut Reading<'_>) -> Axi
         place: table.name.place.clone(),
         fields: vec!["".into()],
         items: Vec::new(),
+        is_plain: false,
         base: Base::Own,
     };
     let n_problems = reading.problems.len();
@@ -85,6 +86,7 @@ fn read_items(
     let derived = match (field("pairs"), field("copy_of")) {
         (None, None) => {
             let list = read_source(&table.name, fields, reading)?;
+            axis.is_plain = list.fields.len() == 1;
             axis.fields = list.fields;
             let items = list.items.into_iter();
             axis.items = items
@@ -110,6 +112,7 @@ fn read_items(
     };
     if let Some((base, Derived { fields, items, .. })) = derived {
         (axis.base, axis.fields, axis.items) = (base, fields, items);
+        axis.is_plain = matches!(base, Base::CopyOf(it) if known[it.0].is_plain);
     }
     if let Some(which) = field("which")
         && field("pairs").is_none()
@@ -239,18 +242,22 @@ fn relabel(axis: &mut Axis, value: &Value, reading: &mut Reading<'_>) -> Option<
 /// Adds the field `label`, unless the items have one of their own; for items that are no single values
 /// it is also what `${axis}` gives.
 fn store_labels(axis: &mut Axis) {
-    let is_listed = axis.fields.len() > 2;
     let own = axis.field("label");
     if own.is_none() {
         axis.fields.push("label".into());
     }
     for item in &mut axis.items {
         let label = Value { data: Data::Text(Arc::clone(&item.label)), ..item.values[0].clone() };
-        if is_listed {
+        if !axis.is_plain {
             item.values[0] = label.clone();
         }
-        if own.is_none() {
-            item.values.push(label);
+        match own {
+            None => item.values.push(label),
+            // That of a copied axis is of before it was labelled anew.
+            Some(at) if item.values[at].written_out().as_deref() != Some(&*item.label) => {
+                item.values[at] = label;
+            }
+            Some(_) => {}
         }
     }
 }
