@@ -5,6 +5,7 @@
 //! several threads use the rayon pool they are called in, and cut their sums into chunks whose size
 //! does not depend on the number of threads: same input, same bytes.
 
+pub mod adam;
 pub mod basis;
 pub mod canvas;
 pub mod cholesky;
