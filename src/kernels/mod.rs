@@ -24,6 +24,7 @@ pub mod fill;
 pub mod fit_clip;
 pub mod fmap;
 pub mod functional_map;
+pub mod geodesics;
 pub mod image;
 pub mod intrinsic;
 pub mod io;
