@@ -4,7 +4,7 @@ use faer::Mat;
 
 use super::{
     basis::Basis,
-    functional_map::{FunctionalMap, PointMap},
+    functional_map::{FunctionSpace, FunctionalMap, PointMap, WrongSpace},
     mesh::Vec3,
     regressor::{Regressor, SpectralRegressor},
     skeleton::{Skeleton, SkeletonError},
@@ -31,6 +31,8 @@ pub enum TransferError {
          not sum to one, or the map does not carry constants to constants"
     )]
     NotEquivariant { joint: String, factor: f64 },
+    #[error(transparent)]
+    WrongSpace(#[from] WrongSpace),
     #[error(transparent)]
     Skeleton(#[from] SkeletonError),
 }
@@ -69,6 +71,7 @@ pub fn spectral_regressor(
         names: regressor.names.clone(),
         parents: regressor.parents.clone(),
         matrix: spectral,
+        space: Some(FunctionSpace::of(source)),
     })
 }
 
@@ -85,6 +88,10 @@ pub fn transfer_by_functions(
     target: &Basis,
     target_vertices: &[Vec3],
 ) -> Result<Skeleton, TransferError> {
+    map.check_target(target)?;
+    if let (Some(spaces), Some(space)) = (&map.spaces, regressor.space) {
+        spaces.check_source(space)?;
+    }
     let map = &map.source_from_target;
     let source_k = regressor.matrix.ncols();
     if map.nrows() > source_k || map.ncols() > target.k() {

@@ -4,7 +4,7 @@ use faer::Mat;
 
 use super::{
     basis::Basis,
-    functional_map::FunctionalMap,
+    functional_map::{FunctionalMap, WrongSpace},
     mesh::Vec3,
     nearest::nearest_rows,
     tall,
@@ -37,6 +37,8 @@ pub enum TransferWeightsError {
     )]
     MapShape { n_rows: usize, n_cols: usize, source_k: usize, target_k: usize },
     #[error(transparent)]
+    WrongSpace(#[from] WrongSpace),
+    #[error(transparent)]
     Weights(#[from] WeightsError),
 }
 
@@ -56,6 +58,7 @@ pub fn transfer_weights(
 ) -> Result<SkinWeights, TransferWeightsError> {
     let (source, weights) = source;
     let (target, vertices) = target;
+    map.check_bases(source, target)?;
     let map = &map.source_from_target;
     for (side, basis, found, what) in [
         ("source", source.n_vertices(), weights.n_vertices(), "rows of weights"),
@@ -119,7 +122,7 @@ mod tests {
             })
             .collect();
         let weights = SkinWeights::from_rows(2, &rows).unwrap();
-        let map = FunctionalMap { source_from_target: Mat::identity(80, 80) };
+        let map = FunctionalMap::without_spaces(Mat::identity(80, 80));
         let run = |vertices: &[Vec3]| {
             let options = TransferWeightsOptions::default();
             transfer_weights((&basis, &weights), (&basis, vertices), &map, &options)

@@ -5,19 +5,23 @@ use crate::engine::node::NodeKind;
 mod check;
 mod clean;
 mod command;
+mod correspondences;
 mod decimate;
 mod descriptors;
 mod download;
 mod eigs;
 mod fmap;
+mod icp_refine;
 mod joint_error;
 mod landmarks;
 mod laplacian;
 mod load;
 mod make_body;
+mod map_quality;
 mod normalize;
 mod plot;
 mod point_cloud;
+mod point_map;
 mod python;
 mod regressor;
 mod rig;
@@ -36,19 +40,23 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<check::Check>(),
     NodeKind::of::<clean::Clean>(),
     NodeKind::open::<command::Command>(),
+    NodeKind::of::<correspondences::CorrespondencesNode>(),
     NodeKind::of::<decimate::Decimate>(),
     NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
     NodeKind::of::<eigs::Eigs>(),
     NodeKind::of::<fmap::Fmap>(),
+    NodeKind::of::<icp_refine::IcpRefine>(),
     NodeKind::of::<joint_error::JointError>(),
     NodeKind::of::<landmarks::LandmarksNode>(),
     NodeKind::of::<laplacian::Laplacian>(),
     NodeKind::of::<load::Load>(),
     NodeKind::of::<make_body::MakeBody>(),
+    NodeKind::of::<map_quality::MapQuality>(),
     NodeKind::of::<normalize::Normalize>(),
     NodeKind::of::<plot::Plot>(),
     NodeKind::of::<point_cloud::PointCloud>(),
+    NodeKind::of::<point_map::PointMapNode>(),
     NodeKind::open_labelled::<python::Python>(),
     NodeKind::of::<regressor::RegressorNode>(),
     NodeKind::of::<rig::RigNode>(),

@@ -9,7 +9,7 @@ use faer::{Mat, MatRef};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use best::{Best, first_minimum, slack};
+use best::{Best, first_minimum, minimum, slack};
 use patches::{PATCH, Patches};
 use rows::Rows;
 
@@ -21,14 +21,15 @@ const FEW: usize = 16 * PATCH;
 
 /// Queries to which so many patches remain are compared with all points at once, which takes a third
 /// of the time a point.
-const PART_OF_PATCHES: usize = 4;
+const PART_OF_PATCHES: usize = 8;
 
 /// For every row of `queries` (`n x d`), the index of the nearest row of `points` (`m x d`).
 ///
 /// Exact: distances are compared in double precision, and of equally near points the one with the
 /// smallest index is taken. Single precision only finds out which points cannot be nearest, given a
 /// bound of its rounding errors. Points lie in patches of sixteen. For every query, patches whose
-/// center is too far, given the radius and the nearest point of the first patch, are passed over.
+/// center is too far, given the radius and the nearest point of the first patch, are passed over, and
+/// so are those whose points are too far by their first coordinates alone.
 /// Where few can be passed over, as for random points of many dimensions, all points are compared by
 /// products of whole blocks.
 ///
@@ -102,19 +103,31 @@ impl Search<'_> {
             (self.queries.single_row(query), slack(self.queries, query, self.points));
         let mut best = Best::new();
         let first = first_minimum(center_scores);
-        best.compare(&self.patches.scores(first, row), slack, |lane| {
-            self.patches.members(first)[lane]
-        });
-        let bound = (best.score + self.queries.squares[query] + slack).max(0.0);
+        self.compare(first, row, f32::INFINITY, slack, &mut best);
+        let square = self.queries.squares[query] + slack;
+        let bound = (best.score + square).max(0.0);
         self.remaining(query, center_scores, bound + slack, left);
         if left.len() * PART_OF_PATCHES > self.patches.count() {
             return OPEN;
         }
-        for &patch in left.iter().filter(|&&it| it as usize != first) {
-            let scores = self.patches.scores(patch as usize, row);
-            best.compare(&scores, slack, |lane| self.patches.members(patch as usize)[lane]);
+        let rest = square - self.patches.head_square(row) + slack;
+        for &patch in left.iter() {
+            if patch as usize != first {
+                let limit = best.score + rest;
+                self.compare(patch as usize, row, limit, slack, &mut best);
+            }
         }
         best.nearest(self.queries.row(query), self.points, slack)
+    }
+
+    /// Compares the points of a patch, if the score of one by its first coordinates is within a limit.
+    #[inline(always)]
+    fn compare(&self, patch: usize, row: &[f32], limit: f32, slack: f32, best: &mut Best) {
+        let head = self.patches.head_scores(patch, row);
+        if minimum(&head) <= limit {
+            let scores = self.patches.scores(patch, row, &head);
+            best.compare(&scores, slack, |lane| self.patches.members(patch)[lane]);
+        }
     }
 
     /// Lists the patches that may hold a point within the root of `bound`.
