@@ -213,6 +213,8 @@ fn write_example_files(folder: &Path) {
                   ours,woman,31,0.96\nnearest,horse,33,7.5\nnearest,fox,42,6.25\n\
                   nearest,woman,31,2.5\n";
     fs::write(folder.join("errors.csv"), errors).unwrap();
+    let joints = "name,parent,x,y,z\nknee,hip,0,0.5,0\nhip,,0,1,0\n";
+    fs::write(folder.join("joints.csv"), joints).unwrap();
     fs::write(folder.join("lengths.py"), LENGTHS).unwrap();
 }
 

@@ -6,6 +6,7 @@ mod check;
 mod clean;
 mod command;
 mod decimate;
+mod degrade;
 mod descriptors;
 mod download;
 mod eigs;
@@ -14,12 +15,15 @@ mod joint_error;
 mod landmarks;
 mod laplacian;
 mod load;
+mod load_skeleton;
 mod make_body;
 mod normalize;
 mod plot;
 mod point_cloud;
+mod pose;
 mod python;
 mod regressor;
+mod remesh;
 mod rig;
 mod snapshot;
 mod spectral_regressor;
@@ -37,6 +41,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<clean::Clean>(),
     NodeKind::open::<command::Command>(),
     NodeKind::of::<decimate::Decimate>(),
+    NodeKind::of::<degrade::Degrade>(),
     NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
     NodeKind::of::<eigs::Eigs>(),
@@ -45,12 +50,15 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<landmarks::LandmarksNode>(),
     NodeKind::of::<laplacian::Laplacian>(),
     NodeKind::of::<load::Load>(),
+    NodeKind::of::<load_skeleton::LoadSkeleton>(),
     NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<normalize::Normalize>(),
     NodeKind::of::<plot::Plot>(),
     NodeKind::of::<point_cloud::PointCloud>(),
+    NodeKind::of::<pose::PoseNode>(),
     NodeKind::open_labelled::<python::Python>(),
     NodeKind::of::<regressor::RegressorNode>(),
+    NodeKind::of::<remesh::Remesh>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<snapshot::Snapshot>(),
     NodeKind::of::<spectral_regressor::SpectralRegressorNode>(),

@@ -16,6 +16,7 @@ pub mod off;
 pub mod ply;
 pub mod png;
 pub mod read;
+pub mod skeleton_file;
 pub mod stl;
 pub mod table_file;
 pub mod table_text;
