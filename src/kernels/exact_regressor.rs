@@ -39,6 +39,8 @@ pub enum MaskRule {
     NearestMoved,
     /// The nearest.
     Nearest,
+    /// Those around the joint, by the conditions of [`super::pose_regressor`].
+    Posed,
 }
 
 /// How a joint's row came about.

@@ -40,6 +40,7 @@ pub mod normalize;
 pub mod operator;
 pub mod point_tree;
 pub mod pose;
+pub mod pose_regressor;
 pub mod random;
 pub mod regressor;
 pub mod remesh;

@@ -161,30 +161,39 @@ impl<'a> Surface<'a> {
 }
 
 /// The wanted edge length at every vertex of the mesh, up to a common factor.
+///
+/// However they vary, edges are shorter than the radius to which the surface is bent: fingers stay round.
 fn sizes(mesh: &TriMesh, options: &RemeshSurfaceOptions) -> Vec<f64> {
-    match options.sizing {
+    let radii = bending_radii(mesh);
+    // Of equilateral triangles, two a vertex.
+    let edge = (mesh.area() / (options.n_vertices as f64 * 0.75_f64.sqrt())).sqrt();
+    let bounded = |(size, radius): (f64, &f64)| size.min((1.2 * radius / edge).max(0.25));
+    let wanted = match options.sizing {
         Sizing::Isotropic => vec![1.0; mesh.n_vertices()],
-        Sizing::Adaptive => bending_sizes(mesh),
+        Sizing::Adaptive => {
+            // Half the length at a tenth of the root of the area, the radius of a thigh.
+            let unit = mesh.area().sqrt() / 10.0;
+            radii.iter().map(|it| (it / (it + unit)).max(1.0 / 6.0) * 2.0).collect()
+        }
         Sizing::Irregular => irregular_sizes(mesh, options.seed),
-    }
+    };
+    wanted.into_iter().zip(&radii).map(bounded).collect()
 }
 
-/// Lengths that shrink with the turn of the normals, between a third and one.
-fn bending_sizes(mesh: &TriMesh) -> Vec<f64> {
+/// The radius to which the surface is bent at every vertex, from the turn of the normals.
+fn bending_radii(mesh: &TriMesh) -> Vec<f64> {
     let normals = mesh.vertex_normals();
     let scale = mesh.area().sqrt();
     let mut bending = vec![0.0f64; mesh.n_vertices()];
     for face in mesh.faces() {
         for (a, b) in [(0, 1), (1, 2), (2, 0)].map(|(a, b)| (face[a] as usize, face[b] as usize)) {
             let length = (mesh.vertices()[a] - mesh.vertices()[b]).norm().max(1e-12 * scale);
-            let turn = normals[a].angle(&normals[b]) / length * scale;
+            let turn = normals[a].angle(&normals[b]) / length;
             bending[a] = bending[a].max(turn);
             bending[b] = bending[b].max(turn);
         }
     }
-    let bending = smoothed(mesh, bending);
-    // At a curvature of 10 over the root of the area, the bend of a forearm, lengths are halved.
-    bending.iter().map(|it| (1.0 / (1.0 + it / 10.0)).max(1.0 / 3.0)).collect()
+    smoothed(mesh, bending).iter().map(|it| 1.0 / it.max(1e-3 / scale)).collect()
 }
 
 /// Means over neighbours, three times.

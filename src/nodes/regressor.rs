@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
 use crate::kernels::exact_regressor::{MaskRule, RegressorOptions, RowReport, exact_regressor};
 use crate::kernels::mesh::TriMesh;
+use crate::kernels::pose_regressor::{PoseRegressorOptions, pose_regressor};
 use crate::kernels::regressor::Regressor;
 use crate::kernels::skeleton::Skeleton;
 use crate::kernels::table::{Column, Table};
@@ -19,6 +20,8 @@ use crate::kernels::weights::SkinWeights;
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RegressorNode {
+    /// Which vertices make a joint, and how.
+    pub method: Method,
     /// A vertex counts as moved by a joint if its weight exceeds this.
     #[schemars(range(min = 0.0, max = 0.99))]
     pub threshold: f64,
@@ -29,13 +32,28 @@ pub struct RegressorNode {
     /// how far a joint can move if its vertices move by one.
     #[schemars(range(min = 1.0))]
     pub max_amplification: f64,
+    /// With `posed`: how much errors in other poses count against noise of the vertices.
+    #[schemars(range(min = 0.0))]
+    pub stiffness: f64,
+}
+
+/// How a joint is computed from vertices.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// From those that the joint and its parent move, by the row of least norm (the paper's).
+    LeastNorm,
+    /// From those around the joint, so that it stays right while the rig is posed.
+    #[default]
+    Posed,
 }
 
 impl Default for RegressorNode {
     fn default() -> Self {
         let RegressorOptions { threshold, n_nearest, max_amplification } =
             RegressorOptions::default();
-        Self { threshold, n_nearest, max_amplification }
+        let stiffness = PoseRegressorOptions::default().stiffness;
+        Self { method: Method::default(), threshold, n_nearest, max_amplification, stiffness }
     }
 }
 
@@ -50,7 +68,7 @@ impl RegressorNode {
 impl Node for RegressorNode {
     const SPEC: Spec = Spec {
         kind: "regressor",
-        version: 1,
+        version: 2,
         inputs: &[Self::MESH.port(), Self::SKELETON.port(), Self::WEIGHTS.port()],
         outputs: &[Self::REGRESSOR.port(), Self::RULES.port()],
         cites: &["musoni2021functional"],
@@ -68,13 +86,25 @@ weights = "@body.weights"
 
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
         let skeleton = io.get(Self::SKELETON);
-        let options = RegressorOptions {
-            threshold: self.threshold,
-            n_nearest: self.n_nearest,
-            max_amplification: self.max_amplification,
+        let (mesh, weights) = (io.get(Self::MESH), io.get(Self::WEIGHTS));
+        let (regressor, reports) = match self.method {
+            Method::LeastNorm => {
+                let options = RegressorOptions {
+                    threshold: self.threshold,
+                    n_nearest: self.n_nearest,
+                    max_amplification: self.max_amplification,
+                };
+                exact_regressor(&mesh, &skeleton, &weights, &options)?
+            }
+            Method::Posed => {
+                let options = PoseRegressorOptions {
+                    stiffness: self.stiffness,
+                    max_amplification: self.max_amplification,
+                    ..PoseRegressorOptions::default()
+                };
+                pose_regressor(&mesh, &skeleton, &weights, &options)?
+            }
         };
-        let (regressor, reports) =
-            exact_regressor(&io.get(Self::MESH), &skeleton, &io.get(Self::WEIGHTS), &options)?;
         io.put(Self::REGRESSOR, regressor);
         io.put(Self::RULES, rules_table(&skeleton, &reports));
         Ok(())
@@ -87,6 +117,7 @@ fn rules_table(skeleton: &Skeleton, reports: &[RowReport]) -> Table {
         MaskRule::Child { child } => format!("with child `{}`", skeleton.names()[child]),
         MaskRule::NearestMoved => "nearest of those moved".to_owned(),
         MaskRule::Nearest => "nearest".to_owned(),
+        MaskRule::Posed => "around the joint, for all poses".to_owned(),
     };
     let numbers = |of: fn(&RowReport) -> f64| reports.iter().map(of).collect();
     Table::new(vec![

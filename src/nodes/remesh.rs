@@ -11,6 +11,7 @@ use crate::kernels::{landmarks::Landmarks, mesh::TriMesh, weights::SkinWeights};
 
 /// Covers a closed surface with other triangles, in random order: independent connectivity.
 ///
+/// Edges are shorter than `sizing` says where the surface bends to a smaller radius, as at fingers.
 /// Weights are read off the old surface at the closest points; landmarks go to the nearest new
 /// vertices. `clean` with `fill_holes` closes what is open.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
