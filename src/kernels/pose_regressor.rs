@@ -25,7 +25,7 @@ pub struct PoseRegressorOptions {
 
 impl Default for PoseRegressorOptions {
     fn default() -> Self {
-        Self { stiffness: 15.0, area_share: 0.03, max_amplification: 2.0 }
+        Self { stiffness: 10.0, area_share: 0.06, max_amplification: 2.0 }
     }
 }
 
@@ -37,8 +37,8 @@ impl Default for PoseRegressorOptions {
 /// `sum_i r_i w_ig = 0` and the same for all others; at rest, if `sum_i r_i = 1` and
 /// `sum_i r_i v_i = j`. The minimum-norm row of Musoni et al. 2021 (see [`exact_regressor`]) meets the
 /// conditions at rest only. Here those at rest are met, and the others weighed against the row's norm:
-/// with areas `a_i` (that sum up to one around the joint) and lengths in units of a sixteenth of the
-/// root of the area,
+/// with areas `a_i` and lengths in units of a sixteenth of the root of the area, near vertices dearer by
+/// `1 / (|v_i - j|^2 + 0.09)`, which both sum up to one together,
 ///
 /// `sum_i r_i^2 / a_i + s^2 sum_own |..|^2 + (s/3)^2 sum_others |..|^2 -> min`
 ///
@@ -147,8 +147,7 @@ impl Rig<'_> {
 
     fn solve(&self, joint: usize, vertices: &[u32], stiffness: f64) -> Option<Vec<f64>> {
         let conditions = self.conditions(joint, vertices, stiffness);
-        let total: f64 = vertices.iter().map(|&it| self.areas[it as usize]).sum();
-        let areas: Vec<f64> = vertices.iter().map(|&it| self.areas[it as usize] / total).collect();
+        let areas = self.shares(joint, vertices);
         let n = conditions.len();
         let scaled = DMatrix::from_fn(n, vertices.len(), |row, column| {
             conditions[row].coefficients[column] * areas[column].sqrt()
@@ -168,6 +167,19 @@ impl Rig<'_> {
         row.iter_mut().for_each(|it| *it /= sum);
         let fits = self.residual(joint, vertices, &row) <= 1e-6 * self.unit();
         (fits && row.iter().all(|it| it.is_finite())).then_some(row)
+    }
+
+    /// How much of a row each vertex should have: by its area and nearness, with the sum one.
+    fn shares(&self, joint: usize, vertices: &[u32]) -> Vec<f64> {
+        let place = self.skeleton.positions()[joint];
+        let share = |&it: &u32| {
+            let offset = (self.mesh.vertices()[it as usize] - place) / self.unit();
+            self.areas[it as usize] / (offset.norm_squared() + 0.09)
+        };
+        let mut shares: Vec<f64> = vertices.iter().map(share).collect();
+        let total: f64 = shares.iter().sum();
+        shares.iter_mut().for_each(|it| *it /= total);
+        shares
     }
 
     /// What a row should fulfil, in units of [`Rig::unit`].
