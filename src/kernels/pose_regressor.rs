@@ -37,8 +37,8 @@ impl Default for PoseRegressorOptions {
 /// `sum_i r_i w_ig = 0` and the same for all others; at rest, if `sum_i r_i = 1` and
 /// `sum_i r_i v_i = j`. The minimum-norm row of Musoni et al. 2021 (see [`exact_regressor`]) meets the
 /// conditions at rest only. Here those at rest are met, and the others weighed against the row's norm:
-/// with areas `a_i` and lengths in units of a sixteenth of the root of the area, near vertices dearer by
-/// `1 / (|v_i - j|^2 + 0.09)`, which both sum up to one together,
+/// with lengths in units of a sixteenth of the root of the area, and `a_i` the vertices' areas over
+/// `|v_i - j|^2 + 0.09` (what is near to a joint tells more of it), scaled to the sum one,
 ///
 /// `sum_i r_i^2 / a_i + s^2 sum_own |..|^2 + (s/3)^2 sum_others |..|^2 -> min`
 ///

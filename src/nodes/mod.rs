@@ -15,6 +15,7 @@ mod joint_error;
 mod landmarks;
 mod laplacian;
 mod load;
+mod load_motion;
 mod load_skeleton;
 mod make_body;
 mod normalize;
@@ -50,6 +51,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<landmarks::LandmarksNode>(),
     NodeKind::of::<laplacian::Laplacian>(),
     NodeKind::of::<load::Load>(),
+    NodeKind::of::<load_motion::LoadMotion>(),
     NodeKind::of::<load_skeleton::LoadSkeleton>(),
     NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<normalize::Normalize>(),
