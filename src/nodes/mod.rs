@@ -9,6 +9,7 @@ mod decimate;
 mod descriptors;
 mod download;
 mod eigs;
+mod farm_map;
 mod fmap;
 mod joint_error;
 mod landmarks;
@@ -21,6 +22,7 @@ mod point_cloud;
 mod python;
 mod regressor;
 mod rig;
+mod simplify_skeleton;
 mod snapshot;
 mod spectral_regressor;
 mod subdivide;
@@ -40,6 +42,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
     NodeKind::of::<eigs::Eigs>(),
+    NodeKind::of::<farm_map::FarmMap>(),
     NodeKind::of::<fmap::Fmap>(),
     NodeKind::of::<joint_error::JointError>(),
     NodeKind::of::<landmarks::LandmarksNode>(),
@@ -52,6 +55,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::open_labelled::<python::Python>(),
     NodeKind::of::<regressor::RegressorNode>(),
     NodeKind::of::<rig::RigNode>(),
+    NodeKind::of::<simplify_skeleton::SimplifySkeleton>(),
     NodeKind::of::<snapshot::Snapshot>(),
     NodeKind::of::<spectral_regressor::SpectralRegressorNode>(),
     NodeKind::of::<subdivide::Subdivide>(),
