@@ -5,12 +5,16 @@
 //! several threads use the rayon pool they are called in, and cut their sums into chunks whose size
 //! does not depend on the number of threads: same input, same bytes.
 
+pub mod adam;
+pub mod adam_regressor;
+pub mod avril_regressor;
 pub mod basis;
 pub mod canvas;
 pub mod cholesky;
 pub mod clean;
 pub mod clip;
 pub mod cloud_laplacian;
+pub mod convex_regressor;
 pub mod corner_table;
 pub mod decimate;
 pub mod degrade;
@@ -18,6 +22,8 @@ pub mod descriptors;
 pub mod edge_weights;
 pub mod eigs;
 pub mod exact_regressor;
+pub mod farm_map;
+pub mod farthest_points;
 pub mod figure;
 pub mod files;
 pub mod fill;
@@ -43,6 +49,7 @@ pub mod pose;
 pub mod pose_regressor;
 pub mod random;
 pub mod regressor;
+pub mod regressor_masks;
 pub mod remesh;
 pub mod remesh_surface;
 pub mod resampled;
@@ -50,6 +57,7 @@ pub mod rig_landmarks;
 pub mod sample_points;
 pub mod shapes;
 pub mod shuffle;
+pub mod simplify_skeleton;
 pub mod skeleton;
 pub mod skeleton_transfer;
 pub mod skinning;

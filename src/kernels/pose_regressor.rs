@@ -3,11 +3,13 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::{
-    exact_regressor::{MaskRule, RegressorError, RegressorOptions, RowReport, exact_regressor},
+    exact_regressor::best_row,
     mesh::{TriMesh, Vec3},
     regressor::Regressor,
+    regressor_masks::{
+        Mask, MaskRule, RegressorError, RegressorOptions, RiggedMesh, Row, RowReport,
+    },
     skeleton::Skeleton,
-    sparse::CsrMatrix,
     weights::SkinWeights,
 };
 
@@ -59,23 +61,13 @@ pub fn pose_regressor(
         max_amplification: options.max_amplification,
         ..RegressorOptions::default()
     };
-    let (exact, mut reports) = exact_regressor(mesh, skeleton, weights, &fallback)?;
+    let rigged = RiggedMesh::new(mesh, skeleton, weights, &fallback)?;
     let rig = Rig { mesh, skeleton, weights, areas: vertex_areas(mesh), options };
-    let mut triplets: Vec<(u32, u32, f64)> = Vec::new();
-    for (joint, report) in reports.iter_mut().enumerate() {
-        match rig.row(joint) {
-            Some((vertices, row)) => {
-                *report = rig.report(joint, &vertices, &row);
-                triplets.extend(vertices.iter().zip(&row).map(|(&v, &r)| (joint as u32, v, r)));
-            }
-            None => {
-                let row = exact.matrix.row(joint);
-                triplets.extend(row.map(|(v, r)| (joint as u32, v as u32, r)));
-            }
-        }
-    }
-    let matrix = CsrMatrix::from_triplets(skeleton.n_joints(), mesh.n_vertices(), &triplets);
-    Ok((Regressor { matrix, ..exact }, reports))
+    let row = |joint| {
+        rig.row(joint).unwrap_or_else(|| best_row(&rigged, joint, options.max_amplification))
+    };
+    let rows: Vec<Row> = (0..skeleton.n_joints()).map(row).collect();
+    Ok(rigged.assemble(&rows))
 }
 
 struct Rig<'a> {
@@ -101,17 +93,18 @@ const STRICT: f64 = 1e6;
 const NEGLIGIBLE: f64 = 1e-9;
 
 impl Rig<'_> {
-    /// The vertices and entries of a row, as stiff as the amplification allows.
-    fn row(&self, joint: usize) -> Option<(Vec<u32>, Vec<f64>)> {
+    /// A row, as stiff as the amplification allows.
+    fn row(&self, joint: usize) -> Option<Row> {
         let vertices = self.around(joint);
         if vertices.len() < 8 {
             return None;
         }
         let mut stiffness = self.options.stiffness;
         for _ in 0..8 {
-            let row = self.solve(joint, &vertices, stiffness)?;
-            if row.iter().map(|it| it.abs()).sum::<f64>() <= self.options.max_amplification {
-                return Some((vertices, row));
+            let values = self.solve(joint, &vertices, stiffness)?;
+            if values.iter().map(|it| it.abs()).sum::<f64>() <= self.options.max_amplification {
+                let mask = Mask { rule: MaskRule::Posed, n_fallbacks: 0, vertices };
+                return Some(Row::new(mask, values));
             }
             stiffness *= 0.5;
         }
@@ -220,15 +213,6 @@ impl Rig<'_> {
         let estimate: Vec3 = vertices.iter().zip(row).map(|(it, r)| at(it) * *r).sum();
         (estimate - self.skeleton.positions()[joint]).norm()
     }
-
-    fn report(&self, joint: usize, vertices: &[u32], row: &[f64]) -> RowReport {
-        RowReport {
-            rule: MaskRule::Posed,
-            n_vertices: vertices.len(),
-            amplification: row.iter().map(|it| it.abs()).sum(),
-            residual: self.residual(joint, vertices, row),
-        }
-    }
 }
 
 /// The three conditions that offsets, weighted by shares, sum up to zero.
@@ -257,6 +241,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
+    use crate::kernels::exact_regressor::exact_regressor;
     use crate::kernels::fit_clip::world_positions;
     use crate::kernels::pose::pose;
     use crate::kernels::skinning::skin;

@@ -42,7 +42,9 @@ impl LoadMotion {
             (Some(path), None) => Ok(io.read(&path.0)?),
             (None, Some(files)) => match files.files.values().collect::<Vec<_>>()[..] {
                 [bytes] => Ok(bytes.clone()),
-                ref all => Err(NodeError::failed(format!("{} files are wired, not one", all.len()))),
+                ref all => {
+                    Err(NodeError::failed(format!("{} files are wired, not one", all.len())))
+                }
             },
             _ => Err(NodeError::failed("give either the parameter `path` or the wire `file`")),
         }
@@ -51,7 +53,9 @@ impl LoadMotion {
     fn renamed(&self, skeleton: &Skeleton) -> Result<Skeleton, NodeError> {
         if let Some(name) = self.rename.keys().find(|it| skeleton.joint(it).is_none()) {
             let known = skeleton.names().join(", ");
-            return Err(NodeError::failed(format!("there is no joint `{name}`; there are {known}")));
+            return Err(NodeError::failed(format!(
+                "there is no joint `{name}`; there are {known}"
+            )));
         }
         let name = |it: &String| self.rename.get(it).unwrap_or(it).clone();
         let names = skeleton.names().iter().map(name).collect();

@@ -10,6 +10,7 @@ mod degrade;
 mod descriptors;
 mod download;
 mod eigs;
+mod farm_map;
 mod fmap;
 mod joint_error;
 mod landmarks;
@@ -26,6 +27,7 @@ mod python;
 mod regressor;
 mod remesh;
 mod rig;
+mod simplify_skeleton;
 mod snapshot;
 mod spectral_regressor;
 mod subdivide;
@@ -46,6 +48,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
     NodeKind::of::<eigs::Eigs>(),
+    NodeKind::of::<farm_map::FarmMap>(),
     NodeKind::of::<fmap::Fmap>(),
     NodeKind::of::<joint_error::JointError>(),
     NodeKind::of::<landmarks::LandmarksNode>(),
@@ -62,6 +65,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<regressor::RegressorNode>(),
     NodeKind::of::<remesh::Remesh>(),
     NodeKind::of::<rig::RigNode>(),
+    NodeKind::of::<simplify_skeleton::SimplifySkeleton>(),
     NodeKind::of::<snapshot::Snapshot>(),
     NodeKind::of::<spectral_regressor::SpectralRegressorNode>(),
     NodeKind::of::<subdivide::Subdivide>(),

@@ -139,7 +139,8 @@ fn hierarchy(tokens: &mut Tokens<'_>) -> Result<Vec<Joint>, ReadError> {
             }
             "CHANNELS" => {
                 let n_channels = tokens.count("a number of channels")?;
-                let channels = (0..n_channels).map(|_| channel(tokens)).collect::<Result<_, _>>()?;
+                let channels =
+                    (0..n_channels).map(|_| channel(tokens)).collect::<Result<_, _>>()?;
                 inside(tokens, &mut joints, &open)?.channels = channels;
             }
             "}" => {
@@ -298,7 +299,11 @@ Frame Time: 0.025
             "line 19: the file ends where a value of frame 1, joint `Hips` should stand",
         );
         check("90 90 0\n", "90 90 0 7\n", "line 19: `7` after the last of 2 frames");
-        check("90 90 0\n", "90 90 nan\n", "line 19: `nan` instead of a value of frame 1, joint `Left Arm`");
+        check(
+            "90 90 0\n",
+            "90 90 nan\n",
+            "line 19: `nan` instead of a value of frame 1, joint `Left Arm`",
+        );
     }
 
     #[test]
