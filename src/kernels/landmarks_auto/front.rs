@@ -38,7 +38,7 @@ impl Torso {
         let shoulders = (root(arms[0]) + root(arms[1])) * 0.5;
         let up = (shoulders - hips).try_normalize(0.0)?;
         let normal =
-            |pair: [usize; 2]| (root(pair[0]) - root(pair[1])).cross(&up).try_normalize(1e-12);
+            |pair: [usize; 2]| (root(pair[0]) - root(pair[1])).cross(&up).try_normalize(0.0);
         let (hip_normal, shoulder_normal) = (normal(legs)?, normal(arms)?);
         Some(Self { up, hip_normal, shoulder_normal })
     }
