@@ -13,7 +13,9 @@ mod eigs;
 mod farm_map;
 mod fmap;
 mod joint_error;
+mod landmark_error;
 mod landmarks;
+mod landmarks_auto;
 mod laplacian;
 mod load;
 mod load_motion;
@@ -51,7 +53,9 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<farm_map::FarmMap>(),
     NodeKind::of::<fmap::Fmap>(),
     NodeKind::of::<joint_error::JointError>(),
+    NodeKind::of::<landmark_error::LandmarkError>(),
     NodeKind::of::<landmarks::LandmarksNode>(),
+    NodeKind::of::<landmarks_auto::LandmarksAuto>(),
     NodeKind::of::<laplacian::Laplacian>(),
     NodeKind::of::<load::Load>(),
     NodeKind::of::<load_motion::LoadMotion>(),
