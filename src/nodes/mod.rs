@@ -2,10 +2,12 @@
 
 use crate::engine::node::NodeKind;
 
+mod animate;
 mod check;
 mod clean;
 mod command;
 mod decimate;
+mod deformation_error;
 mod descriptors;
 mod download;
 mod eigs;
@@ -35,10 +37,12 @@ mod zoomout;
 
 /// Every kind. Keep sorted by name.
 pub static ALL: &[NodeKind] = &[
+    NodeKind::of::<animate::Animate>(),
     NodeKind::of::<check::Check>(),
     NodeKind::of::<clean::Clean>(),
     NodeKind::open::<command::Command>(),
     NodeKind::of::<decimate::Decimate>(),
+    NodeKind::of::<deformation_error::DeformationErrorNode>(),
     NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
     NodeKind::of::<eigs::Eigs>(),
