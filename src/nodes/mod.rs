@@ -6,6 +6,7 @@ mod animate;
 mod check;
 mod clean;
 mod command;
+mod compare_regressors;
 mod decimate;
 mod deformation_error;
 mod descriptors;
@@ -23,6 +24,7 @@ mod plot;
 mod point_cloud;
 mod python;
 mod regressor;
+mod regressor_image;
 mod rig;
 mod simplify_skeleton;
 mod snapshot;
@@ -41,6 +43,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<check::Check>(),
     NodeKind::of::<clean::Clean>(),
     NodeKind::open::<command::Command>(),
+    NodeKind::of::<compare_regressors::CompareRegressors>(),
     NodeKind::of::<decimate::Decimate>(),
     NodeKind::of::<deformation_error::DeformationErrorNode>(),
     NodeKind::of::<descriptors::DescriptorsNode>(),
@@ -58,6 +61,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<point_cloud::PointCloud>(),
     NodeKind::open_labelled::<python::Python>(),
     NodeKind::of::<regressor::RegressorNode>(),
+    NodeKind::of::<regressor_image::RegressorImage>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<simplify_skeleton::SimplifySkeleton>(),
     NodeKind::of::<snapshot::Snapshot>(),
