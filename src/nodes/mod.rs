@@ -2,10 +2,13 @@
 
 use crate::engine::node::NodeKind;
 
+mod animate;
 mod check;
 mod clean;
 mod command;
+mod compare_regressors;
 mod decimate;
+mod deformation_error;
 mod degrade;
 mod descriptors;
 mod download;
@@ -27,6 +30,7 @@ mod point_cloud;
 mod pose;
 mod python;
 mod regressor;
+mod regressor_image;
 mod remesh;
 mod rig;
 mod simplify_skeleton;
@@ -42,10 +46,13 @@ mod zoomout;
 
 /// Every kind. Keep sorted by name.
 pub static ALL: &[NodeKind] = &[
+    NodeKind::of::<animate::Animate>(),
     NodeKind::of::<check::Check>(),
     NodeKind::of::<clean::Clean>(),
     NodeKind::open::<command::Command>(),
+    NodeKind::of::<compare_regressors::CompareRegressors>(),
     NodeKind::of::<decimate::Decimate>(),
+    NodeKind::of::<deformation_error::DeformationErrorNode>(),
     NodeKind::of::<degrade::Degrade>(),
     NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
@@ -67,6 +74,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<pose::PoseNode>(),
     NodeKind::open_labelled::<python::Python>(),
     NodeKind::of::<regressor::RegressorNode>(),
+    NodeKind::of::<regressor_image::RegressorImage>(),
     NodeKind::of::<remesh::Remesh>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<simplify_skeleton::SimplifySkeleton>(),
