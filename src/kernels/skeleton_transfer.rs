@@ -249,4 +249,46 @@ mod tests {
             }
         }
     }
+
+    /// One surface at 92 and at 1442 vertices, with the map of their nearest vertices.
+    #[test]
+    fn a_target_of_fifteen_times_more_or_fewer_vertices_gets_the_same_joints() {
+        use crate::kernels::{
+            exact_regressor::{RegressorOptions, exact_regressor},
+            nearest::nearest_rows,
+            shapes::bumpy_sphere,
+            tall,
+            weights::SkinWeights,
+        };
+        const K: usize = 20;
+        let (coarse, fine) = (bumpy_sphere(3), bumpy_sphere(12));
+        let joint = Vec3::new(0.05, 0.1, 0.2);
+        let skeleton = Skeleton::new(vec!["a".to_owned()], vec![None], vec![joint]).unwrap();
+        for (from, to) in [(&coarse, &fine), (&fine, &coarse)] {
+            let rows = vec![vec![(0, 1.0)]; from.n_vertices()];
+            let weights = SkinWeights::from_rows(1, &rows).unwrap();
+            let options = RegressorOptions::default();
+            let (regressor, _) = exact_regressor(from, &skeleton, &weights, &options).unwrap();
+            let (source, target) = (basis_of(from, K), basis_of(to, K));
+            let points = |mesh: &super::super::mesh::TriMesh| {
+                Mat::from_fn(mesh.n_vertices(), 3, |row, axis| mesh.vertices()[row][axis])
+            };
+            let matches = nearest_rows(points(from).as_ref(), points(to).as_ref());
+            let psi = Mat::from_fn(matches.len(), K, |row, column| {
+                target.area().sqrt() * target.eigenvectors[(matches[row] as usize, column)]
+            });
+            let mut map = tall::mass_products(source.truncated(K), &source.mass, psi.as_ref())
+                * faer::Scale(1.0 / source.area().sqrt());
+            (1..K).for_each(|row| map[(row, 0)] = 0.0);
+            let map = FunctionalMap { source_from_target: map };
+            let spectral = spectral_regressor(&regressor, &source, K).unwrap();
+            let found = transfer_by_functions(&spectral, &map, &target, to.vertices()).unwrap();
+            let error = (found.positions()[0] - joint).norm();
+            assert!(error < 0.05, "{error} of a body of 3");
+            let matches = PointMap { target_of_source: matches, n_target: to.n_vertices() };
+            let found = transfer_by_points(&regressor, &matches, to.vertices()).unwrap();
+            let error = (found.positions()[0] - joint).norm();
+            assert!(error < 0.1, "{error} of a body of 3");
+        }
+    }
 }

@@ -76,8 +76,9 @@ impl Default for TransferWeightsOptions {
 
 /// How much positions (at total area one) count beside eigenfunctions (whose mean square is one).
 ///
-/// Between 10 and 100 nothing changes; below, places that the map confuses are confused.
-const POSITION_WEIGHT: f64 = 30.0;
+/// At 30, places that the map confuses are confused between wolf and fox; at 1000, parts that touch in
+/// space mix again.
+const POSITION_WEIGHT: f64 = 300.0;
 
 /// Why weights cannot be transferred.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
