@@ -2,6 +2,7 @@
 
 mod basis;
 mod clip;
+mod curve_skeleton;
 mod descriptors;
 mod figure;
 mod files;
@@ -37,6 +38,7 @@ pub use rig::Rig;
 pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::basis::Basis>(),
     ArtifactKind::of::<kernels::clip::Clip>(),
+    ArtifactKind::of::<kernels::curve_skeleton::CurveSkeleton>(),
     ArtifactKind::of::<kernels::descriptors::Descriptors>(),
     ArtifactKind::of::<kernels::figure::Figure>(),
     ArtifactKind::of::<kernels::files::FileSet>(),

@@ -12,6 +12,7 @@ pub mod clean;
 pub mod clip;
 pub mod cloud_laplacian;
 pub mod corner_table;
+pub mod curve_skeleton;
 pub mod decimate;
 pub mod descriptors;
 pub mod edge_weights;
