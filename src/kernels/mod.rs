@@ -33,6 +33,7 @@ pub mod landmark_files;
 pub mod landmarks;
 pub mod laplacian;
 pub mod limit_influences;
+pub mod local_separators;
 pub mod make_body;
 pub mod mesh;
 pub mod nearest;
