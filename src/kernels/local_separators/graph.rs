@@ -76,6 +76,45 @@ impl SpatialGraph {
         })
     }
 
+    /// The points of every connected part, in ascending order; parts by their first points.
+    pub fn parts(&self) -> Vec<Vec<u32>> {
+        let mut is_seen = vec![false; self.n_points()];
+        let mut parts = vec![];
+        for first in 0..self.n_points() as u32 {
+            if is_seen[first as usize] {
+                continue;
+            }
+            is_seen[first as usize] = true;
+            let mut part = vec![first];
+            let mut next = 0;
+            while let Some(&point) = part.get(next) {
+                next += 1;
+                for &neighbor in self.neighbors(point) {
+                    if !is_seen[neighbor as usize] {
+                        is_seen[neighbor as usize] = true;
+                        part.push(neighbor);
+                    }
+                }
+            }
+            part.sort_unstable();
+            parts.push(part);
+        }
+        parts
+    }
+
+    /// A part by itself: its point `k` is the point `part[k]` of this graph. No edge may lead out of it.
+    pub fn part(&self, part: &[u32]) -> Self {
+        let place =
+            |point: u32| part.binary_search(&point).expect("no edge leads out of a part") as u32;
+        let mut res = Self { positions: vec![], offsets: vec![0], neighbors: vec![] };
+        for &point in part {
+            res.positions.push(self.position(point));
+            res.neighbors.extend(self.neighbors(point).iter().map(|&it| place(it)));
+            res.offsets.push(res.neighbors.len() as u32);
+        }
+        res
+    }
+
     pub fn length(&self, from: u32, to: u32) -> f64 {
         (self.position(to) - self.position(from)).norm()
     }
@@ -93,5 +132,7 @@ mod tests {
         assert_eq!(graph.edges().collect::<Vec<_>>(), [[0, 1], [0, 2], [1, 2]]);
         assert_eq!((graph.neighbors(2), graph.neighbors(3)), (&[0, 1][..], &[][..]));
         assert_eq!(graph.length(1, 0), 2.0);
+        assert_eq!(graph.parts(), [vec![0, 1, 2], vec![3]]);
+        assert_eq!(graph.part(&[0, 1, 2]).edges().count(), 3);
     }
 }

@@ -39,7 +39,7 @@ impl Default for LocalSeparatorsOptions {
 /// On what separators are looked for.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Variant {
-    /// On the graph up to 2000 points, on coarser ones from there.
+    /// Plain for connected parts of up to 2000 points, multiscale for larger ones.
     #[default]
     Auto,
     /// On the graph itself. Time grows with the square of its size.
@@ -64,13 +64,28 @@ const MOST_PLAIN: usize = 2000;
 /// and their points no node. Curves may have cycles, those of the shape's handles and false ones where
 /// four and more curves meet.
 pub fn local_separators(graph: &SpatialGraph, options: &LocalSeparatorsOptions) -> CurveSkeleton {
+    let parts = graph.parts();
+    if parts.len() == 1 {
+        return assemble::assemble(graph, &separators(graph, options));
+    }
+    // Parts by themselves: the coarser graphs of one do not depend on how large others are.
+    let found = parts.iter().flat_map(|part| {
+        let own = separators(&graph.part(part), options);
+        own.into_iter().map(|it| Separator {
+            points: it.points.iter().map(|&point| part[point as usize]).collect(),
+            quality: it.quality,
+        })
+    });
+    assemble::assemble(graph, &found.collect::<Vec<_>>())
+}
+
+fn separators(graph: &SpatialGraph, options: &LocalSeparatorsOptions) -> Vec<Separator> {
     let is_plain = match options.variant {
         Variant::Auto => graph.n_points() <= MOST_PLAIN,
         Variant::Plain => true,
         Variant::Multiscale => false,
     };
-    let separators = if is_plain { plain(graph, options) } else { multiscale(graph, options) };
-    assemble::assemble(graph, &separators)
+    if is_plain { plain(graph, options) } else { multiscale(graph, options) }
 }
 
 fn plain(graph: &SpatialGraph, options: &LocalSeparatorsOptions) -> Vec<Separator> {

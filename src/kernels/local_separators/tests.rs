@@ -31,7 +31,7 @@ fn a_tube_is_a_path_along_its_axis() {
     for skeleton in check(&tube(0.1, 1.0, 24, 60, 1.0), [1, 2, 0, 0]) {
         assert!(skeleton.n_nodes() >= 14, "{} nodes", skeleton.n_nodes());
         for (position, radius) in skeleton.positions().iter().zip(skeleton.radii()) {
-            assert!(position.xz().norm() < 0.02, "{position} is off the axis");
+            assert!(position.xz().norm() < 0.03, "{position} is off the axis");
             assert!((radius - 0.1).abs() < 0.03, "radius {radius}");
         }
         assert!(skeleton.node_of_vertex().iter().all(|&it| it != NO_NODE));
@@ -89,10 +89,10 @@ fn poor_input_has_poor_skeletons() {
         assert_eq!(local_separators(&path, &options).n_cycles(), 0);
         local_separators(&same_place, &options);
     }
-    // Three sheets on one edge, a face without area, a stray vertex.
+    // Three sheets on one edge, which separates them; a face without area, a stray vertex.
     let vertices = vec![Vec3::zeros(), Vec3::y(), Vec3::x(), -Vec3::x(), Vec3::z(), Vec3::z()];
     let faces = vec![[0, 1, 2], [0, 1, 3], [0, 1, 4], [0, 0, 1], [0, 1, 2]];
-    check(&TriMesh::new(vertices, faces).unwrap(), [0; 4]);
+    check(&TriMesh::new(vertices, faces).unwrap(), [1, 0, 0, 0]);
 }
 
 #[test]
