@@ -30,9 +30,13 @@ fn check(mesh: &TriMesh, expected: [usize; 4]) -> Vec<CurveSkeleton> {
 fn a_tube_is_a_path_along_its_axis() {
     for skeleton in check(&tube(0.1, 1.0, 24, 60, 1.0), [1, 2, 0, 0]) {
         assert!(skeleton.n_nodes() >= 14, "{} nodes", skeleton.n_nodes());
-        for (position, radius) in skeleton.positions().iter().zip(skeleton.radii()) {
-            assert!(position.xz().norm() < 0.03, "{position} is off the axis");
-            assert!((radius - 0.1).abs() < 0.03, "radius {radius}");
+        // Near the rims curves may end at a side.
+        for (node, position) in skeleton.positions().iter().enumerate() {
+            if (0.2..0.8).contains(&position.y) {
+                assert!(position.xz().norm() < 0.01, "{position} is off the axis");
+                let radius = skeleton.radii()[node];
+                assert!((radius - 0.1).abs() < 0.02, "radius {radius}");
+            }
         }
         assert!(skeleton.node_of_vertex().iter().all(|&it| it != NO_NODE));
     }
