@@ -40,7 +40,8 @@ impl Artifact for CurveSkeleton {
         ];
         let mut lines: Vec<(String, String)> =
             counts.iter().map(|(name, count)| ((*name).to_owned(), count.to_string())).collect();
-        lines.push(("length".to_owned(), format!("{:.6}", self.total_length())));
+        // An empty sum is -0.
+        lines.push(("length".to_owned(), format!("{:.6}", self.total_length() + 0.0)));
         lines
     }
 }

@@ -11,6 +11,7 @@ pub mod cholesky;
 pub mod clean;
 pub mod clip;
 pub mod cloud_laplacian;
+pub mod coarse_skeleton;
 pub mod corner_table;
 pub mod curve_skeleton;
 pub mod decimate;

@@ -21,6 +21,8 @@ mod point_cloud;
 mod python;
 mod regressor;
 mod rig;
+mod rooted_skeleton;
+mod skeletonize;
 mod snapshot;
 mod spectral_regressor;
 mod subdivide;
@@ -52,6 +54,8 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::open_labelled::<python::Python>(),
     NodeKind::of::<regressor::RegressorNode>(),
     NodeKind::of::<rig::RigNode>(),
+    NodeKind::of::<rooted_skeleton::RootedSkeleton>(),
+    NodeKind::of::<skeletonize::Skeletonize>(),
     NodeKind::of::<snapshot::Snapshot>(),
     NodeKind::of::<spectral_regressor::SpectralRegressorNode>(),
     NodeKind::of::<subdivide::Subdivide>(),
