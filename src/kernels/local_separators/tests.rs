@@ -1,7 +1,9 @@
+use std::collections::BTreeSet;
+
 use super::*;
 use crate::kernels::curve_skeleton::NO_NODE;
 use crate::kernels::mesh::{TriMesh, Vec3};
-use crate::kernels::shapes::{icosphere, moved, torus, tube, union};
+use crate::kernels::shapes::{bumpy_sphere, icosphere, moved, torus, tube, union};
 
 fn options(variant: Variant, sampling: bool) -> LocalSeparatorsOptions {
     LocalSeparatorsOptions { variant, sampling, seed: 0 }
@@ -124,4 +126,95 @@ fn size_and_place_change_nothing() {
     let (one, small, large) = (of(1.0), of(0.5_f64.powi(60)), of(2.0_f64.powi(60)));
     assert_eq!(one.node_of_vertex(), small.node_of_vertex());
     assert_eq!(one.edges(), large.edges());
+}
+
+/// The parts of what is next to a set.
+fn front_parts(graph: &SpatialGraph, inside: &[u32]) -> Vec<BTreeSet<u32>> {
+    let is_inside = |it: &u32| inside.binary_search(it).is_ok();
+    let mut front: BTreeSet<u32> =
+        inside.iter().flat_map(|&it| graph.neighbors(it)).copied().collect();
+    front.retain(|it| !is_inside(it));
+    let mut parts = vec![];
+    while let Some(first) = front.pop_first() {
+        let (mut part, mut stack) = (BTreeSet::from([first]), vec![first]);
+        while let Some(point) = stack.pop() {
+            for &next in graph.neighbors(point) {
+                if front.remove(&next) {
+                    part.insert(next);
+                    stack.push(next);
+                }
+            }
+        }
+        parts.push(part);
+    }
+    parts
+}
+
+#[test]
+fn separators_separate_and_none_of_their_points_is_spare() {
+    let ring = torus(1.0, 0.4, 30, 18);
+    let meshes = [ring.clone(), tube(0.1, 1.0, 16, 40, 0.7), bumpy_sphere(12)];
+    let mut n_checked = 0;
+    for graph in meshes.map(|it| SpatialGraph::of_mesh(&it)) {
+        let options = SearchOptions { sampling: false, min_quality: 0.0, seed: 3 };
+        for max_size in [40, usize::MAX] {
+            let touched = vec![0; graph.n_points()];
+            let found = search::search(&graph, touched, &|_| max_size, &options);
+            for Separator { points, quality } in &found.separators {
+                let parts = front_parts(&graph, points);
+                assert!(parts.len() > 1 && *quality > 0.0 && *quality <= 1.0);
+                for &point in points {
+                    let touches = |part: &&BTreeSet<u32>| {
+                        graph.neighbors(point).iter().any(|it| part.contains(it))
+                    };
+                    assert!(parts.iter().filter(touches).count() != 1, "{point} of {points:?}");
+                }
+                n_checked += 1;
+            }
+        }
+    }
+    assert!(n_checked > 1000, "{n_checked}");
+}
+
+#[test]
+fn packed_separators_keep_to_the_capacities() {
+    let graph = SpatialGraph::of_mesh(&torus(1.0, 0.4, 30, 18));
+    let options = SearchOptions { sampling: false, min_quality: 0.0, seed: 3 };
+    let found = search::search(&graph, vec![0; 540], &|_| usize::MAX, &options).separators;
+    for capacity in 1..4 {
+        let chosen = pack::pack(found.clone(), &[capacity; 540]);
+        let mut used = vec![0; 540];
+        chosen.iter().flat_map(|it| &it.points).for_each(|&it| used[it as usize] += 1);
+        assert!(used.iter().all(|it| *it <= capacity));
+        // None that was left out fits.
+        let fits = |it: &&Separator| it.points.iter().all(|&at| used[at as usize] < capacity);
+        let is_chosen = |it: &&Separator| chosen.iter().any(|other| other.points == it.points);
+        assert!(found.iter().filter(|it| !is_chosen(it)).all(|it| !fits(&it)));
+    }
+}
+
+#[test]
+fn layers_halve_and_keep_parts_and_points() {
+    let two = union(&torus(1.0, 0.4, 30, 18), &moved(&icosphere(3), Vec3::x() * 9.0));
+    let graph = SpatialGraph::of_mesh(&two);
+    let n_points = graph.n_points();
+    let layers = layers::layers(graph);
+    assert!(layers.len() >= 5);
+    for (depth, layer) in layers.iter().enumerate() {
+        assert_eq!(layer.capacities.iter().sum::<u32>() as usize, n_points);
+        assert_eq!(layer.graph.parts().len(), 2);
+        if let Some(finer) = depth.checked_sub(1).map(|it| &layers[it]) {
+            assert_eq!(layer.graph.n_points(), finer.graph.n_points().div_ceil(2));
+            // A point is at the mean of what it stands for.
+            let mut sums = vec![Vec3::zeros(); layer.graph.n_points()];
+            for (fine, &coarse) in layer.coarse_of_fine.iter().enumerate() {
+                let weight = f64::from(finer.capacities[fine]);
+                sums[coarse as usize] += finer.graph.positions()[fine] * weight;
+            }
+            for (point, sum) in sums.iter().enumerate() {
+                let mean = sum / f64::from(layer.capacities[point]);
+                assert!((mean - layer.graph.positions()[point]).norm() < 1e-12);
+            }
+        }
+    }
 }

@@ -49,3 +49,28 @@ fn add_tube(soup: &mut Soup, from: Vec3, to: Vec3, radius: f64) {
         soup.triangles.extend([[a, b, c], [a, c, d]]);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Figure, SnapshotOptions, snapshot};
+    use super::*;
+    use crate::kernels::shapes::icosphere;
+
+    #[test]
+    fn a_curve_shines_through_its_body() {
+        let sphere = icosphere(3);
+        let positions = vec![-Vec3::y() * 0.8, Vec3::zeros(), Vec3::y() * 0.8];
+        let curves =
+            CurveSkeleton::new(positions, vec![0.1; 3], vec![[0, 1], [1, 2]], vec![]).unwrap();
+        let options = SnapshotOptions { width: 200, height: 200, ..Default::default() };
+        let mut figure = Figure::new(&sphere);
+        figure.curves = Some(&curves);
+        let image = snapshot(&[figure], &options).unwrap();
+        let light = |row: usize, column: usize| {
+            image.pixels[row * 200 + column].map(i32::from).iter().sum::<i32>()
+        };
+        for row in [60, 80, 120, 140] {
+            assert!(light(row, 100) + 60 < light(row, 80), "a dark line runs down the middle");
+        }
+    }
+}
