@@ -2,26 +2,39 @@
 
 use crate::engine::node::NodeKind;
 
+mod animate;
 mod check;
 mod clean;
 mod command;
+mod compare_regressors;
 mod decimate;
+mod deformation_error;
+mod degrade;
 mod descriptors;
 mod download;
 mod eigs;
+mod farm_map;
 mod fmap;
 mod joint_error;
+mod landmark_error;
 mod landmarks;
+mod landmarks_auto;
 mod laplacian;
 mod load;
+mod load_motion;
+mod load_skeleton;
 mod make_body;
 mod normalize;
 mod plot;
 mod point_cloud;
+mod pose;
 mod python;
 mod regressor;
+mod regressor_image;
+mod remesh;
 mod rig;
 mod rooted_skeleton;
+mod simplify_skeleton;
 mod skeletonize;
 mod snapshot;
 mod spectral_regressor;
@@ -35,26 +48,39 @@ mod zoomout;
 
 /// Every kind. Keep sorted by name.
 pub static ALL: &[NodeKind] = &[
+    NodeKind::of::<animate::Animate>(),
     NodeKind::of::<check::Check>(),
     NodeKind::of::<clean::Clean>(),
     NodeKind::open::<command::Command>(),
+    NodeKind::of::<compare_regressors::CompareRegressors>(),
     NodeKind::of::<decimate::Decimate>(),
+    NodeKind::of::<deformation_error::DeformationErrorNode>(),
+    NodeKind::of::<degrade::Degrade>(),
     NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
     NodeKind::of::<eigs::Eigs>(),
+    NodeKind::of::<farm_map::FarmMap>(),
     NodeKind::of::<fmap::Fmap>(),
     NodeKind::of::<joint_error::JointError>(),
+    NodeKind::of::<landmark_error::LandmarkError>(),
     NodeKind::of::<landmarks::LandmarksNode>(),
+    NodeKind::of::<landmarks_auto::LandmarksAuto>(),
     NodeKind::of::<laplacian::Laplacian>(),
     NodeKind::of::<load::Load>(),
+    NodeKind::of::<load_motion::LoadMotion>(),
+    NodeKind::of::<load_skeleton::LoadSkeleton>(),
     NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<normalize::Normalize>(),
     NodeKind::of::<plot::Plot>(),
     NodeKind::of::<point_cloud::PointCloud>(),
+    NodeKind::of::<pose::PoseNode>(),
     NodeKind::open_labelled::<python::Python>(),
     NodeKind::of::<regressor::RegressorNode>(),
+    NodeKind::of::<regressor_image::RegressorImage>(),
+    NodeKind::of::<remesh::Remesh>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<rooted_skeleton::RootedSkeleton>(),
+    NodeKind::of::<simplify_skeleton::SimplifySkeleton>(),
     NodeKind::of::<skeletonize::Skeletonize>(),
     NodeKind::of::<snapshot::Snapshot>(),
     NodeKind::of::<spectral_regressor::SpectralRegressorNode>(),
