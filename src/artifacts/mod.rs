@@ -3,6 +3,7 @@
 mod basis;
 mod clip;
 mod correspondences;
+mod curve_skeleton;
 mod descriptors;
 mod figure;
 mod files;
@@ -40,6 +41,7 @@ pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::basis::Basis>(),
     ArtifactKind::of::<kernels::clip::Clip>(),
     ArtifactKind::of::<kernels::correspondences::Correspondences>(),
+    ArtifactKind::of::<kernels::curve_skeleton::CurveSkeleton>(),
     ArtifactKind::of::<kernels::descriptors::Descriptors>(),
     ArtifactKind::of::<kernels::figure::Figure>(),
     ArtifactKind::of::<kernels::files::FileSet>(),

@@ -94,6 +94,34 @@ pub fn torus(radius: f64, tube_radius: f64, n_around: usize, n_tube: usize) -> T
     TriMesh::new(vertices, faces).expect("a torus is a mesh")
 }
 
+/// An open tube about the y axis, from `y = 0`: `n_along` rings of `n_around` vertices. With a
+/// `share` of the full turn below 1, a strip that is bent around the axis.
+///
+/// # Panics
+/// If there are fewer than 3 vertices around or 2 along.
+pub fn tube(radius: f64, length: f64, n_around: usize, n_along: usize, share: f64) -> TriMesh {
+    assert!(n_around >= 3 && n_along >= 2, "a tube needs three steps around and two rings");
+    let n_columns = if share < 1.0 { n_around - 1 } else { n_around };
+    let step = share.min(1.0) * TAU / n_columns as f64;
+    let vertex = |ring: usize, column: usize| {
+        let (sin, cos) = (step * column as f64).sin_cos();
+        Vec3::new(radius * cos, length * ring as f64 / (n_along - 1) as f64, radius * sin)
+    };
+    let vertices = (0..n_along)
+        .flat_map(|ring| (0..n_around).map(move |column| vertex(ring, column)))
+        .collect();
+    let index = |ring: usize, column: usize| (ring * n_around + column % n_around) as u32;
+    let mut faces = Vec::with_capacity(2 * n_columns * (n_along - 1));
+    for ring in 0..n_along - 1 {
+        for column in 0..n_columns {
+            let [a, b] = [index(ring, column), index(ring, column + 1)];
+            let [c, d] = [index(ring + 1, column + 1), index(ring + 1, column)];
+            faces.extend([[a, c, b], [a, d, c]]);
+        }
+    }
+    TriMesh::new(vertices, faces).expect("a tube is a mesh")
+}
+
 /// Two shapes as one mesh: the second's vertices and faces after the first's.
 pub fn union(first: &TriMesh, second: &TriMesh) -> TriMesh {
     let shift = first.n_vertices() as u32;

@@ -37,7 +37,9 @@ mod regressor;
 mod regressor_image;
 mod remesh;
 mod rig;
+mod rooted_skeleton;
 mod simplify_skeleton;
+mod skeletonize;
 mod snapshot;
 mod spectral_regressor;
 mod subdivide;
@@ -85,7 +87,9 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<regressor_image::RegressorImage>(),
     NodeKind::of::<remesh::Remesh>(),
     NodeKind::of::<rig::RigNode>(),
+    NodeKind::of::<rooted_skeleton::RootedSkeleton>(),
     NodeKind::of::<simplify_skeleton::SimplifySkeleton>(),
+    NodeKind::of::<skeletonize::Skeletonize>(),
     NodeKind::of::<snapshot::Snapshot>(),
     NodeKind::of::<spectral_regressor::SpectralRegressorNode>(),
     NodeKind::of::<subdivide::Subdivide>(),

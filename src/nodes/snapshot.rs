@@ -9,6 +9,7 @@ use crate::engine::node::{
     Inputs, Node, NodeError, NodeIo, OptionalInput, OptionalInputs, Output, Spec,
 };
 use crate::kernels::basis::Basis;
+use crate::kernels::curve_skeleton::CurveSkeleton;
 use crate::kernels::functional_map::PointMap;
 use crate::kernels::snapshot::colors::{
     Color, ColorMap, function_colors, matched_colors, position_colors, weight_colors,
@@ -111,6 +112,8 @@ impl Snapshot {
         "truths",
         "the true skeleton of every mesh, thin and green, to compare",
     );
+    const CURVES: OptionalInputs<CurveSkeleton> =
+        OptionalInputs::new("curves", "a curve skeleton for every mesh, as thin tubes");
     const WEIGHTS: OptionalInputs<SkinWeights> =
         OptionalInputs::new("weights", "skin weights for every mesh, shown as a colour a joint");
     const LANDMARKS: OptionalInputs<Landmarks> =
@@ -134,6 +137,7 @@ impl Node for Snapshot {
             Self::MESHES.port(),
             Self::SKELETONS.port(),
             Self::TRUTHS.port(),
+            Self::CURVES.port(),
             Self::WEIGHTS.port(),
             Self::LANDMARKS.port(),
             Self::BASES.port(),
@@ -158,6 +162,7 @@ height = 300
         let meshes = io.get_all(Self::MESHES);
         let skeletons = io.get_all_optional(Self::SKELETONS);
         let truths = io.get_all_optional(Self::TRUTHS);
+        let curves = io.get_all_optional(Self::CURVES);
         let weights = io.get_all_optional(Self::WEIGHTS);
         let landmarks = io.get_all_optional(Self::LANDMARKS);
         let bases = io.get_all_optional(Self::BASES);
@@ -165,6 +170,7 @@ height = 300
         let counts = [
             ("skeletons", skeletons.len()),
             ("truths", truths.len()),
+            ("curves", curves.len()),
             ("weights", weights.len()),
             ("landmarks", landmarks.len()),
             ("bases", bases.len()),
@@ -190,6 +196,7 @@ height = 300
                         .filter(|_| self.isolines > 0)
                         .map(|values| Isolines { values, count: self.isolines }),
                     skeletons: own.into_iter().chain(truth).collect(),
+                    curves: curves.get(index).map(|it| &**it),
                     dots: landmarks.get(index).map_or(&[], |it| &it.vertices),
                     caption: self.captions.get(index).cloned().unwrap_or_default(),
                     ..Figure::new(&meshes[index])

@@ -18,14 +18,14 @@ pub enum Role {
 }
 
 impl Role {
-    fn bone_color(self) -> Color {
+    pub(super) fn bone_color(self) -> Color {
         match self {
             Self::Own => [0.030, 0.065, 0.235],
             Self::Truth => [0.030, 0.480, 0.170],
         }
     }
 
-    fn joint_color(self) -> Color {
+    pub(super) fn joint_color(self) -> Color {
         match self {
             Self::Own => [0.880, 0.195, 0.045],
             Self::Truth => [0.180, 0.800, 0.300],

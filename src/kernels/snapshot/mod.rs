@@ -8,12 +8,14 @@ mod beads;
 mod bones;
 mod camera;
 pub mod colors;
+mod curves;
 mod raster;
 mod shade;
 
 use rayon::prelude::*;
 
 use super::canvas::{Canvas, color::mix, text};
+use super::curve_skeleton::CurveSkeleton;
 use super::image::Image;
 use super::mesh::TriMesh;
 use super::skeleton::Skeleton;
@@ -36,6 +38,7 @@ pub struct Figure<'a> {
     /// A function whose level lines are drawn.
     pub isolines: Option<Isolines<'a>>,
     pub skeletons: Vec<(&'a Skeleton, Role)>,
+    pub curves: Option<&'a CurveSkeleton>,
     /// Vertices to point out, each in a hue by its place in the list.
     pub dots: &'a [u32],
     /// A line of text below; may be empty.
@@ -58,6 +61,7 @@ impl<'a> Figure<'a> {
             colors: None,
             isolines: None,
             skeletons: Vec::new(),
+            curves: None,
             dots: &[],
             caption: String::new(),
         }
@@ -160,8 +164,9 @@ fn check(figures: &[Figure<'_>], options: &SnapshotOptions) -> Result<(), Snapsh
 fn extent(index: usize, figure: &Figure<'_>, view: View) -> Extent {
     let camera = Camera::of(view);
     let joints = figure.skeletons.iter().flat_map(|it| it.0.positions());
+    let nodes = figure.curves.iter().flat_map(|it| it.positions());
     let mut extent = Extent { figure: index, low: [f64::MAX; 2], high: [f64::MIN; 2] };
-    for point in figure.mesh.vertices().iter().chain(joints) {
+    for point in figure.mesh.vertices().iter().chain(joints).chain(nodes) {
         let seen = camera.project(point);
         for axis in 0..2 {
             extent.low[axis] = extent.low[axis].min(seen[axis]);
@@ -187,7 +192,8 @@ impl Soups {
         let plain = BODIES[index % BODIES.len()];
         let is_plain = figure.colors.is_none();
         // A body with a skeleton inside is paler: it reads as translucent.
-        let pale = match (figure.skeletons.is_empty(), is_plain) {
+        let is_alone = figure.skeletons.is_empty() && figure.curves.is_none();
+        let pale = match (is_alone, is_plain) {
             (true, _) => 0.0,
             (false, true) => 0.45,
             (false, false) => 0.22,
@@ -209,6 +215,9 @@ impl Soups {
             }
         };
         let mut bones_soup = Soup::default();
+        if let Some(it) = figure.curves {
+            curves::add_curves(&mut bones_soup, it, size);
+        }
         for (skeleton, _) in figure.skeletons.iter().filter(|it| it.1 == Role::Own) {
             bones::add_skeleton(&mut bones_soup, skeleton, Role::Own, size);
         }

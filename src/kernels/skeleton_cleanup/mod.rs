@@ -1,0 +1,22 @@
+//! Making a raw curve skeleton fit for joints: no false cycles, no spurs, no crowds of nodes.
+//!
+//! All steps keep the labels: a vertex follows its node into the one that takes its place.
+
+mod close_nodes;
+mod connect;
+mod cycles;
+mod editor;
+mod junctions;
+mod prune;
+mod pull_inside;
+mod strip_radii;
+#[cfg(test)]
+mod tests;
+
+pub use close_nodes::merge_close_nodes;
+pub use connect::{connect_components, drop_small_components};
+pub use cycles::collapse_cycles;
+pub use junctions::free_junctions;
+pub use prune::{PruneOptions, prune};
+pub use pull_inside::pull_inside;
+pub use strip_radii::strip_radii;
