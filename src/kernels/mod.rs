@@ -17,6 +17,7 @@ pub mod descriptors;
 pub mod distance_field;
 pub mod edge_weights;
 pub mod eigs;
+pub mod embed;
 pub mod exact_regressor;
 pub mod figure;
 pub mod files;
