@@ -63,7 +63,7 @@ impl Default for EmbedOptions {
             align: false,
             feet: Vec::new(),
             fat: Vec::new(),
-            symmetry: false,
+            symmetry: true,
             medial_angle_deg: 90.0,
             max_balls: 1000,
             max_queue: 100_000,
@@ -128,11 +128,11 @@ const BODY: f64 = 0.9;
 /// The least radius of a ball.
 const LEAST_RADIUS: f64 = 0.006;
 /// The distance between starting points of balls.
-const SPACING: f64 = 0.004;
+const SPACING: f64 = 0.006;
 /// How much of its body's extent a skeleton spans if nothing is known.
 const USUAL_SHARE: f64 = 0.9;
 /// How long every rotation is tried.
-const ALIGN_STEPS: usize = 300;
+const ALIGN_STEPS: usize = 1000;
 
 /// Embeds a skeleton into a closed surface (Baran & Popović 2007), with the changes that Maheshwari
 /// et al. (2023) made to it for arbitrary skeletons: joints that find no place are given up, from the
@@ -156,25 +156,12 @@ pub fn embed(
         true => best_rotation(&target, &source, options),
         false => options.rotation,
     };
-    let positions: Vec<Vec3> = source.positions.iter().map(|it| rotation * it).collect();
-    let (mut working, working_of_given) = Working::new(skeleton.parents(), &positions);
-    let n_all = working.n();
-    let mut n_searches = 0;
-    let (reduced, matching, terms) = loop {
-        n_searches += 1;
-        let reduced = Reduced::new(&working);
-        let (matching, terms) =
-            match_joints(&target, &source, &working, &reduced, &rotation, options.max_steps);
-        if matching.balls.len() == reduced.n() {
-            break (reduced, matching, terms);
-        }
-        match matching.balls.len() {
-            0 => return Err(nothing_fits(skeleton, &target)),
-            n_matched => working = working.without(reduced.joints[n_matched]),
-        }
-    };
-    if working.n() == 1 && n_all > 1 {
-        return Err(nothing_fits(skeleton, &target));
+    let attempt = attempt(&target, &source, rotation, options.max_steps);
+    let Attempt { working, reduced, matching, terms, working_of_given, n_all, n_searches } =
+        attempt;
+    if matching.balls.is_empty() || (working.n() == 1 && n_all > 1) {
+        let (n_joints, n_balls) = (skeleton.n_joints(), target.graph.n());
+        return Err(EmbedError::NothingFits { n_joints, n_balls });
     }
     let mut embedded = spread(&target.graph, &working, &reduced, &matching);
     if options.refine_rounds > 0 {
@@ -208,10 +195,6 @@ pub fn embed(
         n_edges: target.graph.n_edges(),
         n_searches,
     })
-}
-
-fn nothing_fits(skeleton: &Skeleton, target: &Target) -> EmbedError {
-    EmbedError::NothingFits { n_joints: skeleton.n_joints(), n_balls: target.graph.n() }
 }
 
 fn check(skeleton: &Skeleton, options: &EmbedOptions) -> Result<(), EmbedError> {
@@ -277,7 +260,7 @@ impl Target {
             return Err(EmbedError::NoInside { extent: size });
         }
         let graph = MedialGraph::new(pack(&balls, options.max_balls), &exact);
-        let sampling = SamplingOptions { tolerance: 0.003, max_depth: 10, reach: 0.05 };
+        let sampling = SamplingOptions { tolerance: 0.003, max_depth: 10, reach: 0.0 };
         let field = SampledDistance::new(&exact, Vec3::zeros(), 1.0, &sampling);
         Ok(Self { low, high, scale, field, balls, graph })
     }
@@ -357,30 +340,78 @@ fn earlier_mirror(working: &Working, symmetry: bool) -> Vec<Option<usize>> {
     images.into_iter().enumerate().map(|(joint, it)| it.filter(|&it| it < joint)).collect()
 }
 
-/// Of all rotations of axes into axes, the one with which most joints are matched; of several, the
-/// one with the least penalty.
+/// A skeleton of which all joints are matched.
+struct Attempt {
+    working: Working,
+    reduced: Reduced,
+    /// Without balls if nothing could be matched.
+    matching: Matching,
+    terms: Vec<Terms>,
+    /// The working joint of every given joint, before any was given up.
+    working_of_given: Vec<usize>,
+    /// The number of working joints before any was given up.
+    n_all: usize,
+    n_searches: usize,
+}
+
+impl Attempt {
+    /// The penalty, plus the share of joints that were given up.
+    fn score(&self) -> f64 {
+        match self.matching.balls.is_empty() {
+            true => f64::INFINITY,
+            false => {
+                self.matching.penalty + (self.n_all - self.working.n()) as f64 / self.n_all as f64
+            }
+        }
+    }
+}
+
+/// Matches the joints of the turned skeleton, and gives up those that find no place, each with all
+/// joints below it, until the rest is matched.
+fn attempt(
+    target: &Target,
+    source: &Source<'_>,
+    rotation: UnitQuaternion<f64>,
+    max_steps: usize,
+) -> Attempt {
+    let positions: Vec<Vec3> = source.positions.iter().map(|it| rotation * it).collect();
+    let (mut working, working_of_given) = Working::new(source.skeleton.parents(), &positions);
+    let n_all = working.n();
+    let mut n_searches = 0;
+    loop {
+        n_searches += 1;
+        let reduced = Reduced::new(&working);
+        let (matching, terms) =
+            match_joints(target, source, &working, &reduced, &rotation, max_steps);
+        let n_matched = matching.balls.len();
+        if n_matched == reduced.n() || n_matched == 0 {
+            return Attempt {
+                working,
+                reduced,
+                matching,
+                terms,
+                working_of_given,
+                n_all,
+                n_searches,
+            };
+        }
+        working = working.without(reduced.joints[n_matched]);
+    }
+}
+
+/// Of all rotations of axes into axes, the one with the best score.
 fn best_rotation(
     target: &Target,
     source: &Source<'_>,
     options: &EmbedOptions,
 ) -> UnitQuaternion<f64> {
     let rotations: Vec<_> = axis_rotations().into_iter().map(|it| it * options.rotation).collect();
-    let tried: Vec<(usize, f64)> = rotations
+    let scores: Vec<f64> = rotations
         .par_iter()
-        .map(|rotation| {
-            let positions: Vec<Vec3> = source.positions.iter().map(|it| rotation * it).collect();
-            let (working, _) = Working::new(source.skeleton.parents(), &positions);
-            let reduced = Reduced::new(&working);
-            let (matching, _) =
-                match_joints(target, source, &working, &reduced, rotation, ALIGN_STEPS);
-            (matching.balls.len(), matching.penalty)
-        })
+        .map(|&it| attempt(target, source, it, options.max_steps.min(ALIGN_STEPS)).score())
         .collect();
-    let better = |&a: &usize, &b: &usize| {
-        let (a, b) = (tried[a], tried[b]);
-        b.0.cmp(&a.0).then(a.1.total_cmp(&b.1))
-    };
-    rotations[(0..tried.len()).min_by(better).expect("there are 24")]
+    let best = (0..scores.len()).min_by(|&a, &b| scores[a].total_cmp(&scores[b]));
+    rotations[best.expect("there are 24")]
 }
 
 /// Places all joints along the paths between the matched ones.
@@ -425,7 +456,8 @@ fn kept_skeleton(skeleton: &Skeleton, target: &Target, places: &[Option<Vec3>]) 
         parents.push(skeleton.parents()[joint].and_then(|it| new_of_old[it]));
         positions.push(target.mesh_from_work(*place));
     }
-    Skeleton::new(names, parents, positions).expect("parents of kept joints are kept, and come first")
+    Skeleton::new(names, parents, positions)
+        .expect("parents of kept joints are kept, and come first")
 }
 
 #[cfg(test)]

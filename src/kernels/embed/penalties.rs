@@ -102,12 +102,7 @@ impl Problem<'_> {
     }
 
     /// The penalties that depend on what is matched already.
-    pub fn context_terms(
-        &self,
-        matched: &Matched<'_>,
-        joint: usize,
-        ball: usize,
-    ) -> Option<Terms> {
+    pub fn context_terms(&self, matched: &Matched<'_>, joint: usize, ball: usize) -> Option<Terms> {
         let mut terms = [0.0; 9];
         let parent = self.reduced.parents[joint]?;
         let parent_ball = matched.balls[parent];
@@ -152,8 +147,7 @@ impl Problem<'_> {
         let (length, reach) = measures(joint, ball)?;
         let (other_length, other_reach) = measures(mirror, matched.balls[mirror])?;
         let ratio = |a: f64, b: f64| if a == b { 1.0 } else { (a / b).max(b / a) };
-        let mixed =
-            0.2 * ratio(length, other_length).min(2.0) + 0.8 * ratio(reach, other_reach);
+        let mixed = 0.2 * ratio(length, other_length).min(2.0) + 0.8 * ratio(reach, other_reach);
         Some((mixed.powi(3) - 1.2).max(0.0))
     }
 

@@ -231,7 +231,8 @@ fn angle_term(along: Vec3, wanted: Vec3) -> (f64, Vec3) {
     let base = 0.3 + 0.5 * dot.acos();
     let factor = if dot < 0.0 { 10.0 } else { 1.0 };
     let sine = (1.0 - dot * dot).sqrt();
-    let towards = if sine > 1e-9 { (found * dot - wanted) / (sine * length) } else { Vec3::zeros() };
+    let towards =
+        if sine > 1e-9 { (found * dot - wanted) / (sine * length) } else { Vec3::zeros() };
     (factor * base.powi(3), towards * (factor * 1.5 * base * base))
 }
 
@@ -250,7 +251,8 @@ mod tests {
                 let (value, gradient) = term(along, wanted);
                 for axis in 0..3 {
                     let step = Vec3::ith(axis, 1e-7);
-                    let slope = (term(along + step, wanted).0 - term(along - step, wanted).0) / 2e-7;
+                    let slope =
+                        (term(along + step, wanted).0 - term(along - step, wanted).0) / 2e-7;
                     let scale = 1.0 + value.abs() + gradient.norm();
                     assert!((slope - gradient[axis]).abs() < 1e-4 * scale, "{slope} {gradient}");
                 }
