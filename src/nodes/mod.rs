@@ -9,6 +9,7 @@ mod decimate;
 mod descriptors;
 mod download;
 mod eigs;
+mod embed;
 mod fmap;
 mod joint_error;
 mod landmarks;
@@ -20,7 +21,9 @@ mod plot;
 mod point_cloud;
 mod python;
 mod regressor;
+mod retarget;
 mod rig;
+mod skin_weights;
 mod snapshot;
 mod spectral_regressor;
 mod subdivide;
@@ -40,6 +43,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
     NodeKind::of::<eigs::Eigs>(),
+    NodeKind::of::<embed::EmbedNode>(),
     NodeKind::of::<fmap::Fmap>(),
     NodeKind::of::<joint_error::JointError>(),
     NodeKind::of::<landmarks::LandmarksNode>(),
@@ -51,7 +55,9 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<point_cloud::PointCloud>(),
     NodeKind::open_labelled::<python::Python>(),
     NodeKind::of::<regressor::RegressorNode>(),
+    NodeKind::of::<retarget::RetargetNode>(),
     NodeKind::of::<rig::RigNode>(),
+    NodeKind::of::<skin_weights::SkinWeightsNode>(),
     NodeKind::of::<snapshot::Snapshot>(),
     NodeKind::of::<spectral_regressor::SpectralRegressorNode>(),
     NodeKind::of::<subdivide::Subdivide>(),
