@@ -213,8 +213,15 @@ fn write_example_files(folder: &Path) {
                   ours,woman,31,0.96\nnearest,horse,33,7.5\nnearest,fox,42,6.25\n\
                   nearest,woman,31,2.5\n";
     fs::write(folder.join("errors.csv"), errors).unwrap();
+    let joints = "name,parent,x,y,z\nknee,hip,0,0.5,0\nhip,,0,1,0\n";
+    fs::write(folder.join("joints.csv"), joints).unwrap();
+    fs::write(folder.join("nod.bvh"), NOD).unwrap();
     fs::write(folder.join("lengths.py"), LENGTHS).unwrap();
 }
+
+const NOD: &str = "HIERARCHY\nROOT Neck\n{\nOFFSET 0 150 0\nCHANNELS 3 Xrotation Yrotation Zrotation\n\
+JOINT Head\n{\nOFFSET 0 15 0\nCHANNELS 3 Xrotation Yrotation Zrotation\nEnd Site\n{\nOFFSET 0 10 0\n}\n}\n}\n\
+MOTION\nFrames: 2\nFrame Time: 0.04\n0 0 0 0 0 0\n20 0 0 10 0 0\n";
 
 const LENGTHS: &str = r#"
 import numpy

@@ -144,3 +144,48 @@ fn real_shapes_get_skeletons_as_good_as_the_readme_says() {
     }
     assert_eq!(means.len(), 4);
 }
+
+#[test]
+fn every_pipeline_is_right() {
+    let has_corpus = root().join("../shared/data/humans_posed").is_dir();
+    let mut n_checked = 0;
+    for folder in ["pipelines", "pipelines/papers", "pipelines/peers"] {
+        for entry in fs::read_dir(root().join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_none_or(|it| it != "toml") {
+                continue;
+            }
+            if path.to_string_lossy().ends_with("_corpus.toml") && !has_corpus {
+                eprintln!("skipped: the corpus that `{}` reads is not there", path.display());
+                continue;
+            }
+            let output =
+                Command::new(env!("CARGO_BIN_EXE_sinew")).arg("check").arg(&path).output().unwrap();
+            let text = String::from_utf8(output.stderr).unwrap();
+            assert!(output.status.success(), "{text}");
+            n_checked += 1;
+        }
+    }
+    assert!(n_checked > 9, "{n_checked}");
+}
+
+#[test]
+fn the_first_table_of_the_functional_transfer_has_the_papers_numbers_beside_ours() {
+    let mirror = root().join("../shared/data");
+    if !mirror.join("makehuman").is_dir() {
+        eprintln!("skipped: the corpus is not there");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let mirror = mirror.to_str().unwrap();
+    let one = ["adult=1", "child=1", "animal=1", "seed=1"].map(|it| ["--limit", it]).concat();
+    let args = [&one[..], &["--offline", "--mirror", mirror, "--set", "k=60"]].concat();
+    run(folder.path(), "papers/functional_table1.toml", &args);
+    let out = folder.path().join("out/papers/functional_table1");
+    let means = column(&out.join("rows.csv"), "mean of height");
+    // Adults, clouds, children, animals of one model, animals of one rig; functional and pointwise.
+    assert_eq!(means.len(), 10);
+    assert!(means[..8].iter().all(|it| *it < 4.0) && means[8] < 12.0, "{means:?}");
+    let table = fs::read_to_string(out.join("table.md")).unwrap();
+    assert!(table.contains("animals (SMAL)") && table.contains("0.0692"), "{table}");
+}

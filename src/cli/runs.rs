@@ -30,6 +30,10 @@ pub struct Args {
     /// Prints the pipeline file of the run as it was
     #[arg(long, requires = "run", conflicts_with = "node")]
     pipeline: bool,
+
+    /// Prints a table of the run's nodes with their kinds and times, for `table_file` or a spreadsheet
+    #[arg(long, requires = "run", conflicts_with_all = ["node", "pipeline"])]
+    csv: bool,
 }
 
 pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
@@ -44,7 +48,9 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
     if let Some(node) = &args.node {
         return told::tell(&record, node, &args.store, ui);
     }
-    if args.pipeline {
+    if args.csv {
+        print!("{}", csv(&record));
+    } else if args.pipeline {
         let text = record.start.sources.first().map_or("", |it| it.text.as_str());
         print!("{text}");
     } else {
@@ -124,6 +130,24 @@ pub fn counts(record: &Record) -> BTreeMap<&str, usize> {
         *counts.entry(status).or_default() += 1;
     }
     counts
+}
+
+/// One line a node: its name without items, its items, its kind, how it ended, and how long it took.
+fn csv(record: &Record) -> String {
+    let mut last: BTreeMap<&str, &NodeDone> = BTreeMap::new();
+    for node in record.nodes() {
+        last.insert(&node.node, node);
+    }
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let mut put = |fields: [&str; 5]| writer.write_record(fields).expect("memory takes all");
+    put(["node", "items", "kind", "status", "wall [s]"]);
+    for (name, node) in last {
+        let (base, items) = name.split_once('@').unwrap_or((name, ""));
+        let wall = node.wall_s.map(|it| it.to_string()).unwrap_or_default();
+        put([base, items, &node.kind, &node.status, &wall]);
+    }
+    let bytes = writer.into_inner().expect("memory takes all");
+    String::from_utf8(bytes).expect("names are text")
 }
 
 /// Tells a run as it was told when it went.

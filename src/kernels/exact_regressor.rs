@@ -1,70 +1,21 @@
 //! Joint regressors of a rigged mesh, in closed form.
 
-use nalgebra::{Matrix3, Matrix4, Vector4};
+use nalgebra::{Matrix4, Vector4};
 
 use super::{
     mesh::{TriMesh, Vec3},
     regressor::Regressor,
+    regressor_masks::{Mask, RiggedMesh, Row, RowReport},
     skeleton::Skeleton,
-    sparse::CsrMatrix,
     weights::SkinWeights,
 };
 
-/// Options of [`exact_regressor`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct RegressorOptions {
-    /// A vertex belongs to a joint's mask if its weights of the joint and of the joint's parent both
-    /// exceed this.
-    pub threshold: f64,
-    /// Vertices of a mask that is made of the nearest ones.
-    pub n_nearest: usize,
-    /// The largest `sum_i |r_i|` of a mask that is taken without looking further.
-    pub max_amplification: f64,
-}
-
-impl Default for RegressorOptions {
-    fn default() -> Self {
-        Self { threshold: 0.0, n_nearest: 64, max_amplification: 2.0 }
-    }
-}
-
-/// Which vertices a joint's mask holds.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum MaskRule {
-    /// Moved by the joint and its parent (a root: by the joint), with weights above a threshold.
-    Parent { threshold: f64 },
-    /// Moved by the joint and one of its children.
-    Child { child: usize },
-    /// The nearest of those moved by the joint or its parent.
-    NearestMoved,
-    /// The nearest.
-    Nearest,
-}
-
-/// How a joint's row came about.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RowReport {
-    pub rule: MaskRule,
-    pub n_vertices: usize,
-    /// `sum_i |r_i|`, at least one: how much the row may amplify errors of the vertices.
-    pub amplification: f64,
-    /// `|sum_i r_i x_i - j|`, in mesh units.
-    pub residual: f64,
-}
-
-/// Why there is no regressor.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum RegressorError {
-    #[error("the mesh has {mesh} vertices, but the weights belong to {weights}")]
-    Vertices { mesh: usize, weights: usize },
-    #[error("the skeleton has {skeleton} joints, but the weights belong to {weights}")]
-    Joints { skeleton: usize, weights: usize },
-}
+pub use super::regressor_masks::{MaskRule, RegressorError, RegressorOptions};
 
 /// Computes joints as sums of few vertices around them: `J = R X`, rows sum to one.
 ///
 /// Joint `q` is regressed from the vertices that move with both the joint and its parent (a root:
-/// with itself), where pose changes the shape least (Musoni et al. 2021, equations 9 to 12). On
+/// with itself, or with a child), where pose changes the shape least (Musoni et al. 2021, equations 9 to 12). On
 /// such a mask the energy has many minima of value zero; the one of least norm is, with the mask's
 /// mean `x` and covariance `S`,
 ///
@@ -85,188 +36,40 @@ pub fn exact_regressor(
     weights: &SkinWeights,
     options: &RegressorOptions,
 ) -> Result<(Regressor, Vec<RowReport>), RegressorError> {
-    if mesh.n_vertices() != weights.n_vertices() {
-        let (mesh, weights) = (mesh.n_vertices(), weights.n_vertices());
-        return Err(RegressorError::Vertices { mesh, weights });
-    }
-    if skeleton.n_joints() != weights.n_joints() {
-        let (skeleton, weights) = (skeleton.n_joints(), weights.n_joints());
-        return Err(RegressorError::Joints { skeleton, weights });
-    }
-    let rig = Rig::new(mesh, skeleton, weights, options);
-    let mut triplets = Vec::new();
-    let mut reports = Vec::with_capacity(skeleton.n_joints());
-    for joint in 0..skeleton.n_joints() {
-        let row = rig.best_row(joint);
-        let entries = row.mask.iter().zip(&row.values).filter(|it| *it.1 != 0.0);
-        triplets.extend(entries.map(|(&vertex, &value)| (joint as u32, vertex, value)));
-        reports.push(row.report(mesh, skeleton.positions()[joint]));
-    }
-    let regressor = Regressor {
-        names: skeleton.names().to_vec(),
-        parents: skeleton.parents().to_vec(),
-        matrix: CsrMatrix::from_triplets(skeleton.n_joints(), mesh.n_vertices(), &triplets),
-    };
-    Ok((regressor, reports))
+    let rig = RiggedMesh::new(mesh, skeleton, weights, options)?;
+    let best = |joint| best_row(&rig, joint, options.max_amplification);
+    let rows: Vec<Row> = (0..skeleton.n_joints()).map(best).collect();
+    Ok(rig.assemble(&rows))
 }
 
-/// The nonzero entries of a row of the regressor.
-struct Row {
-    rule: MaskRule,
-    mask: Vec<u32>,
-    values: Vec<f64>,
-    amplification: f64,
+/// The first good row of the chain, or the best usable one.
+pub fn best_row(rig: &RiggedMesh<'_>, joint: usize, max_amplification: f64) -> Row {
+    let mut best: Option<Row> = None;
+    for mask in rig.masks(joint) {
+        if !rig.is_usable(&mask) {
+            continue;
+        }
+        let row = affine_row(rig, joint, mask);
+        let amplification = row.amplification();
+        if best.as_ref().is_none_or(|it| amplification < it.amplification()) {
+            best = Some(row);
+        }
+        if amplification <= max_amplification {
+            break;
+        }
+    }
+    best.unwrap_or_else(|| affine_row(rig, joint, rig.nearest_mask(joint)))
 }
 
-impl Row {
-    fn report(&self, mesh: &TriMesh, joint: Vec3) -> RowReport {
-        let entries = self.mask.iter().zip(&self.values);
-        let estimate: Vec3 = entries.map(|(&it, &r)| mesh.vertices()[it as usize] * r).sum();
-        RowReport {
-            rule: self.rule,
-            n_vertices: self.mask.len(),
-            amplification: self.amplification,
-            residual: (estimate - joint).norm(),
-        }
-    }
-}
-
-struct Rig<'a> {
-    mesh: &'a TriMesh,
-    skeleton: &'a Skeleton,
-    /// By joint: (vertex, weight), ascending.
-    moved: Vec<Vec<(u32, f64)>>,
-    children: Vec<Vec<usize>>,
-    /// The squared extent of the mesh.
-    extent_squared: f64,
-    options: &'a RegressorOptions,
-}
-
-impl<'a> Rig<'a> {
-    fn new(
-        mesh: &'a TriMesh,
-        skeleton: &'a Skeleton,
-        weights: &SkinWeights,
-        options: &'a RegressorOptions,
-    ) -> Self {
-        let mut moved = vec![Vec::new(); skeleton.n_joints()];
-        for vertex in 0..weights.n_vertices() {
-            for (joint, weight) in weights.row(vertex) {
-                moved[joint as usize].push((vertex as u32, weight));
-            }
-        }
-        let (low, high) = mesh.bounds();
-        let extent_squared = (high - low).max().powi(2);
-        Self { mesh, skeleton, moved, children: skeleton.children(), extent_squared, options }
-    }
-
-    /// The first good row of the chain, or the best usable one.
-    fn best_row(&self, joint: usize) -> Row {
-        let mut best: Option<Row> = None;
-        for (rule, mask) in self.masks(joint) {
-            let Some(row) = self.row(joint, rule, mask) else { continue };
-            let good = row.amplification <= self.options.max_amplification;
-            if best.as_ref().is_none_or(|it| row.amplification < it.amplification) {
-                best = Some(row);
-            }
-            if good {
-                break;
-            }
-        }
-        best.unwrap_or_else(|| self.flat_row(joint))
-    }
-
-    /// The masks in the order in which they are tried, made when they are asked for.
-    fn masks(&self, joint: usize) -> impl Iterator<Item = (MaskRule, Vec<u32>)> + '_ {
-        let parent = self.skeleton.parents()[joint].unwrap_or(joint);
-        let given = self.options.threshold;
-        let thresholds =
-            std::iter::once(given).chain([0.01, 0.0].into_iter().filter(move |&it| it < given));
-        let by_parent = thresholds.map(move |threshold| {
-            (MaskRule::Parent { threshold }, self.common(joint, parent, threshold))
-        });
-        let by_child = self.children[joint]
-            .iter()
-            .map(move |&child| (MaskRule::Child { child }, self.common(joint, child, 0.0)));
-        let nearest_moved = std::iter::once_with(move || {
-            (MaskRule::NearestMoved, self.nearest(joint, self.either(joint, parent)))
-        });
-        let nearest = std::iter::once_with(move || (MaskRule::Nearest, self.all_nearest(joint)));
-        by_parent.chain(by_child).chain(nearest_moved).chain(nearest)
-    }
-
-    /// The vertices that two joints move with weights above a threshold.
-    fn common(&self, a: usize, b: usize, threshold: f64) -> Vec<u32> {
-        let above = |joint: usize| {
-            self.moved[joint].iter().filter(move |it| it.1 > threshold).map(|it| it.0)
-        };
-        let other: Vec<u32> = above(b).collect();
-        above(a).filter(|it| other.binary_search(it).is_ok()).collect()
-    }
-
-    /// The vertices that one of two joints moves.
-    fn either(&self, a: usize, b: usize) -> Vec<u32> {
-        let mut res: Vec<u32> = self.moved[a].iter().chain(&self.moved[b]).map(|it| it.0).collect();
-        res.sort_unstable();
-        res.dedup();
-        res
-    }
-
-    fn all_nearest(&self, joint: usize) -> Vec<u32> {
-        self.nearest(joint, (0..self.mesh.n_vertices() as u32).collect())
-    }
-
-    /// The vertices nearest to a joint, ascending.
-    fn nearest(&self, joint: usize, mut vertices: Vec<u32>) -> Vec<u32> {
-        let position = self.skeleton.positions()[joint];
-        let distance = |it: &u32| (self.mesh.vertices()[*it as usize] - position).norm_squared();
-        vertices.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-        vertices.truncate(self.options.n_nearest);
-        vertices.sort_unstable();
-        vertices
-    }
-
-    /// The row of least norm on a mask; `None` if the mask is too small or flat.
-    fn row(&self, joint: usize, rule: MaskRule, mask: Vec<u32>) -> Option<Row> {
-        if mask.len() < 4 {
-            return None;
-        }
-        let (mean, covariance) = self.moments(&mask);
-        let smallest = covariance.symmetric_eigenvalues().min();
-        if !(smallest >= 1e-8 * self.extent_squared) {
-            return None;
-        }
-        let slope = covariance.try_inverse()? * (self.skeleton.positions()[joint] - mean);
-        Some(self.affine_row(rule, mask, mean, slope))
-    }
-
-    /// The nearest vertices of a mesh that is flat around the joint, with a pseudo-inverse.
-    fn flat_row(&self, joint: usize) -> Row {
-        let mask = self.all_nearest(joint);
-        let (mean, covariance) = self.moments(&mask);
-        let inverse = covariance
-            .pseudo_inverse(1e-8 * self.extent_squared)
-            .expect("the tolerance is not negative");
-        let slope = inverse * (self.skeleton.positions()[joint] - mean);
-        self.affine_row(MaskRule::Nearest, mask, mean, slope)
-    }
-
-    fn moments(&self, mask: &[u32]) -> (Vec3, Matrix3<f64>) {
-        let count = mask.len() as f64;
-        let at = |vertex: &u32| self.mesh.vertices()[*vertex as usize];
-        let mean = mask.iter().map(at).sum::<Vec3>() / count;
-        let outer = |vertex: &u32| (at(vertex) - mean) * (at(vertex) - mean).transpose();
-        (mean, mask.iter().map(outer).sum::<Matrix3<f64>>() / count)
-    }
-
-    fn affine_row(&self, rule: MaskRule, mask: Vec<u32>, mean: Vec3, slope: Vec3) -> Row {
-        let count = mask.len() as f64;
-        let offset = |it: &u32| self.mesh.vertices()[*it as usize] - mean;
-        let values: Vec<f64> =
-            mask.iter().map(|it| (1.0 + offset(it).dot(&slope)) / count).collect();
-        let amplification = values.iter().map(|it| it.abs()).sum();
-        Row { rule, mask, values, amplification }
-    }
+/// The row of least norm on a mask; where the mask is flat, for the foot of the joint in its plane.
+pub fn affine_row(rig: &RiggedMesh<'_>, joint: usize, mask: Mask) -> Row {
+    let (mean, covariance) = rig.moments(&mask.vertices);
+    let inverse = covariance.pseudo_inverse(rig.flatness()).expect("the tolerance is not negative");
+    let slope = inverse * (rig.skeleton.positions()[joint] - mean);
+    let count = mask.vertices.len() as f64;
+    let offset = |it: &u32| rig.mesh.vertices()[*it as usize] - mean;
+    let values = mask.vertices.iter().map(|it| (1.0 + offset(it).dot(&slope)) / count).collect();
+    Row::new(mask, values)
 }
 
 /// Weights of the energy whose minimum [`ridge_row`] is.
@@ -344,6 +147,7 @@ mod tests {
             exact_regressor(&mesh, &skeleton, &weights, &RegressorOptions::default()).unwrap();
         let ones = regressor.matrix.mul_vec(&vec![1.0; mesh.n_vertices()]);
         assert!(ones.iter().all(|it| (it - 1.0).abs() < 1e-12), "{ones:?}");
+        assert_eq!(reports[0].rule, MaskRule::Root { threshold: 0.0 });
         assert_eq!(reports[1].rule, MaskRule::Parent { threshold: 0.0 });
         assert!(reports.iter().all(|it| it.residual < 1e-12 && it.amplification < 2.0));
         for (vertex, _) in regressor.matrix.row(1) {

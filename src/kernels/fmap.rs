@@ -70,15 +70,28 @@ pub fn fit_functional_map(
     target: (&Basis, &Descriptors),
     options: &FitOptions,
 ) -> Result<FunctionalMap, FitError> {
-    check("source", source, options.k)?;
-    check("target", target, options.k)?;
+    fit_rectangular_map(source, target, [options.k, options.k], options)
+}
+
+/// As [`fit_functional_map`], with other numbers of eigenfunctions on the source and the target.
+///
+/// # Errors
+/// See [`FitError`].
+pub fn fit_rectangular_map(
+    source: (&Basis, &Descriptors),
+    target: (&Basis, &Descriptors),
+    [k_source, k_target]: [usize; 2],
+    options: &FitOptions,
+) -> Result<FunctionalMap, FitError> {
+    check("source", source, k_source)?;
+    check("target", target, k_target)?;
     check_names(&source.1.names, &target.1.names)?;
     let kept: Vec<usize> = (0..source.1.count())
         .filter(|&it| !vanishes(source.1, it) && !vanishes(target.1, it))
         .collect();
     let energy = Energy::new(
-        &Side::new(source, &kept, options.k),
-        &Side::new(target, &kept, options.k),
+        &Side::new(source, &kept, k_source),
+        &Side::new(target, &kept, k_target),
         options,
     );
     Ok(FunctionalMap { source_from_target: energy.minimum().ok_or(FitError::Singular)? })
@@ -165,10 +178,10 @@ fn multiplications(vectors: MatRef<'_, f64>, mass: &[f64], values: MatRef<'_, f6
 
 /// The energy `1/2 x^T H x - r^T x + const` of the entries `x` of `C`, row by row.
 struct Energy {
-    k: usize,
-    /// `k^2 x k^2`, symmetric.
+    /// Rows and columns of `C`: `k_source` and `k_target`.
+    shape: [usize; 2],
+    /// Symmetric, a row for every entry.
     hessian: Mat<f64>,
-    /// `k^2`.
     linear: Vec<f64>,
     /// The first entry of the first column of `C`; the others are zero.
     constant: f64,
@@ -176,20 +189,21 @@ struct Energy {
 
 impl Energy {
     fn new(source: &Side, target: &Side, options: &FitOptions) -> Self {
-        let k = options.k;
+        let shape = [source.eigenvalues.len(), target.eigenvalues.len()];
+        let [n, m] = shape;
         let (f, g) = (&target.coefficients, &source.coefficients);
         let gram = f * f.transpose();
         let mixed = g * f.transpose();
         let (x, y) = (&target.multiplications, &source.multiplications);
         // sum_i |C X_i - Y_i C|^2 = tr(C (sum X_i X_i) C^T) + tr(C^T (sum Y_i Y_i) C)
         //                           - 2 sum_i tr(C X_i C^T Y_i), for the matrices are symmetric.
-        let (x_squared, y_squared) = (sum_of_squares(x, k), sum_of_squares(y, k));
+        let (x_squared, y_squared) = (sum_of_squares(x, m), sum_of_squares(y, n));
         let crossed = y * x.transpose();
         let gaps = spectral_gaps(&source.eigenvalues, &target.eigenvalues);
         let (a, b, c) = (options.descriptors, options.commutativity, options.laplacian);
-        let hessian = Mat::from_fn(k * k, k * k, |row, column| {
-            let ((i, j), (p, q)) = ((row / k, row % k), (column / k, column % k));
-            let mut value = -2.0 * b * crossed[(i * k + p, j * k + q)];
+        let hessian = Mat::from_fn(n * m, n * m, |row, column| {
+            let ((i, j), (p, q)) = ((row / m, row % m), (column / m, column % m));
+            let mut value = -2.0 * b * crossed[(i * n + p, j * m + q)];
             if i == p {
                 value += a * gram[(j, q)] + b * x_squared[(j, q)];
             }
@@ -201,23 +215,23 @@ impl Energy {
             }
             value
         });
-        let linear = (0..k * k).map(|it| a * mixed[(it / k, it % k)]).collect();
-        Self { k, hessian, linear, constant: source.sign * target.sign }
+        let linear = (0..n * m).map(|it| a * mixed[(it / m, it % m)]).collect();
+        Self { shape, hessian, linear, constant: source.sign * target.sign }
     }
 
-    /// The gradient `H x - r` at a `k x k` map.
+    /// The gradient `H x - r` at a map.
     fn gradient(&self, map: &Mat<f64>) -> Mat<f64> {
-        let k = self.k;
-        let x = Mat::from_fn(k * k, 1, |row, _| map[(row / k, row % k)]);
+        let [n, m] = self.shape;
+        let x = Mat::from_fn(n * m, 1, |row, _| map[(row / m, row % m)]);
         let product = tall::product(self.hessian.as_ref(), x.as_ref());
-        Mat::from_fn(k, k, |i, j| product[(i * k + j, 0)] - self.linear[i * k + j])
+        Mat::from_fn(n, m, |i, j| product[(i * m + j, 0)] - self.linear[i * m + j])
     }
 
     /// The minimum over all entries but the first column.
     fn minimum(&self) -> Option<Mat<f64>> {
-        let k = self.k;
-        let free: Vec<usize> = (0..k * k).filter(|it| it % k != 0).collect();
-        let mut map = Mat::zeros(k, k);
+        let [n, m] = self.shape;
+        let free: Vec<usize> = (0..n * m).filter(|it| it % m != 0).collect();
+        let mut map = Mat::zeros(n, m);
         map[(0, 0)] = self.constant;
         if free.is_empty() {
             return Some(map);
@@ -227,10 +241,10 @@ impl Energy {
         // The second step removes the rounding errors of the first.
         for _ in 0..2 {
             let gradient = self.gradient(&map);
-            let right = Mat::from_fn(free.len(), 1, |i, _| gradient[(free[i] / k, free[i] % k)]);
+            let right = Mat::from_fn(free.len(), 1, |i, _| gradient[(free[i] / m, free[i] % m)]);
             let step = factor.solve(right.as_ref());
             for (i, &entry) in free.iter().enumerate() {
-                map[(entry / k, entry % k)] -= step[(i, 0)];
+                map[(entry / m, entry % m)] -= step[(i, 0)];
             }
         }
         Some(map)
@@ -302,7 +316,7 @@ mod tests {
 
     /// The paper's optimizer, from zero.
     fn adam(energy: &Energy, n_steps: i32) -> Mat<f64> {
-        let k = energy.k;
+        let k = energy.shape[0];
         let mut map = Mat::zeros(k, k);
         map[(0, 0)] = energy.constant;
         let (mut mean, mut square) = (Mat::<f64>::zeros(k, k), Mat::<f64>::zeros(k, k));
@@ -346,6 +360,24 @@ mod tests {
         expected += Mat::from_fn(k, k, |i, j| 0.7 * gaps[(i, j)] * map[(i, j)]);
         let error = &energy.gradient(&map) - &expected;
         assert!(error.norm_max() < 1e-9 * expected.norm_max(), "{error:?}");
+    }
+
+    #[test]
+    fn a_rectangular_map_has_no_gradient() {
+        let options = FitOptions { k: 8, ..FitOptions::default() };
+        let (source, target) = (basis_of(&creature(0.0), 30), basis_of(&creature(0.3), 30));
+        let (g, f) = (described(&source, &LANDMARKS), described(&target, &LANDMARKS));
+        let map = fit_rectangular_map((&source, &g), (&target, &f), [14, 8], &options).unwrap();
+        let map = map.source_from_target;
+        assert_eq!((map.nrows(), map.ncols()), (14, 8));
+        let kept: Vec<usize> = (0..g.count()).collect();
+        let energy = Energy::new(
+            &Side::new((&source, &g), &kept, 14),
+            &Side::new((&target, &f), &kept, 8),
+            &options,
+        );
+        let gradient = energy.gradient(&map);
+        assert!(gradient.subcols(1, 7).norm_max() < 1e-9, "{gradient:?}");
     }
 
     /// Test 5: a shape with its vertices in another order is mapped by the identity, up to signs.

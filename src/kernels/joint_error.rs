@@ -121,7 +121,8 @@ pub fn joint_errors(
     Ok(errors)
 }
 
-fn height(mesh: &TriMesh, axis: HeightAxis) -> f64 {
+/// The extent that percentages refer to, in mesh units.
+pub fn height(mesh: &TriMesh, axis: HeightAxis) -> f64 {
     let (low, high) = mesh.bounds();
     let extent: Vec3 = high - low;
     match axis {

@@ -1,7 +1,7 @@
 //! What a change of a mesh's vertices does to the values that live on them.
 
 use super::landmarks::Landmarks;
-use super::mesh::TriMesh;
+use super::mesh::{MeshError, TriMesh};
 use super::sparse::CsrMatrix;
 use super::weights::{SkinWeights, WeightsError};
 
@@ -39,6 +39,26 @@ impl Resampled {
             values: vec![1.0; old_of_new.len()],
         };
         Self { mesh, new_from_old, new_of_old }
+    }
+
+    /// Some faces of a mesh, with the vertices that they use.
+    ///
+    /// # Errors
+    /// [`MeshError::NoVertices`] if there are no faces.
+    pub fn of_faces(mesh: &TriMesh, faces: &[[u32; 3]]) -> Result<Self, MeshError> {
+        let mut new_of_old = vec![None; mesh.n_vertices()];
+        for &vertex in faces.iter().flatten() {
+            new_of_old[vertex as usize] = Some(0);
+        }
+        let mut old_of_new: Vec<u32> = Vec::new();
+        for (old, new) in new_of_old.iter_mut().enumerate().filter(|it| it.1.is_some()) {
+            *new = Some(old_of_new.len() as u32);
+            old_of_new.push(old as u32);
+        }
+        let vertices = old_of_new.iter().map(|&it| mesh.vertices()[it as usize]).collect();
+        let number = |it: u32| new_of_old[it as usize].expect("a face's vertices are used");
+        let faces = faces.iter().map(|it| it.map(number)).collect();
+        Ok(Self::from_selection(TriMesh::new(vertices, faces)?, &old_of_new, new_of_old))
     }
 
     /// A function on the old vertices, carried over.

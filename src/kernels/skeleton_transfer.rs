@@ -108,6 +108,49 @@ pub fn transfer_by_functions(
     Ok(Skeleton::new(regressor.names.clone(), regressor.parents.clone(), positions)?)
 }
 
+/// The target's joints by the coordinates that the map gives the source: `J_N = R (Phi C Psi^+ X_N)`.
+///
+/// FARM's way (Marin et al. 2020): the target's geometry is put on the source's connectivity, and the
+/// source's regressor applied to it. With the same regressor and the same map this is
+/// [`transfer_by_functions`] with the brackets set elsewhere, `(R Phi) C Psi^+ X_N`.
+///
+/// # Errors
+/// See [`TransferError`].
+pub fn transfer_by_coordinates(
+    regressor: &Regressor,
+    source: &Basis,
+    map: &FunctionalMap,
+    target: &Basis,
+    target_vertices: &[Vec3],
+) -> Result<Skeleton, TransferError> {
+    let matrix = &regressor.matrix;
+    if matrix.n_cols != source.n_vertices() {
+        let (regressor, basis) = (matrix.n_cols, source.n_vertices());
+        return Err(TransferError::SourceVertices { regressor, basis });
+    }
+    let map = &map.source_from_target;
+    if map.nrows() > source.k() || map.ncols() > target.k() {
+        let (n_rows, n_cols) = (map.nrows(), map.ncols());
+        let (source_k, target_k) = (source.k(), target.k());
+        return Err(TransferError::MapShape { n_rows, n_cols, source_k, target_k });
+    }
+    check_target("target basis", target.n_vertices(), target_vertices)?;
+    // Positions, and the constant function 1 beside them.
+    let functions = Mat::from_fn(target_vertices.len(), 4, |row, column| {
+        if column < 3 { target_vertices[row][column] } else { 1.0 }
+    });
+    let coefficients = target.project(functions.as_ref());
+    let units = (source.area() / target.area()).sqrt();
+    let carried = (map * coefficients.as_ref().subrows(0, map.ncols())) * faer::Scale(units);
+    let on_source = source.reconstruct(carried.as_ref());
+    let joints: Vec<Vec<f64>> =
+        (0..4).map(|column| matrix.mul_vec(on_source.col_as_slice(column))).collect();
+    check_constants(&regressor.names, &joints[3])?;
+    let position = |it: usize| Vec3::new(joints[0][it], joints[1][it], joints[2][it]);
+    let positions = (0..matrix.n_rows).map(position).collect();
+    Ok(Skeleton::new(regressor.names.clone(), regressor.parents.clone(), positions)?)
+}
+
 /// The target's joints by matched points: `J_N = R X_N[m]`.
 ///
 /// # Errors
@@ -149,5 +192,53 @@ fn check_constants(names: &[String], sums: &[f64]) -> Result<(), TransferError> 
             Err(TransferError::NotEquivariant { joint: names[it].clone(), factor: sums[it] })
         }
         None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernels::sparse::CsrMatrix;
+    use crate::kernels::test_shapes::{basis_of, creature};
+
+    fn regressor(n_vertices: usize) -> Regressor {
+        // Rows of several hundred entries of either sign that sum to one.
+        let entry = |joint: usize, vertex: usize| ((vertex * (joint + 3)) % 7) as f64 - 2.5;
+        let mut triplets = Vec::new();
+        for joint in 0..3 {
+            let sum: f64 = (0..n_vertices).map(|it| entry(joint, it)).sum();
+            triplets.extend(
+                (0..n_vertices).map(|it| (joint as u32, it as u32, entry(joint, it) / sum)),
+            );
+        }
+        Regressor {
+            names: ["a", "b", "c"].map(str::to_owned).to_vec(),
+            parents: vec![None, Some(0), Some(1)],
+            matrix: CsrMatrix::from_triplets(3, n_vertices, &triplets),
+        }
+    }
+
+    /// Section 0.9 of the specification: with one regressor and one map, FARM's way is the functional.
+    #[test]
+    fn brackets_do_not_matter() {
+        let (mesh, other) = (creature(0.0), creature(0.3));
+        let (source, target) = (basis_of(&mesh, 50), basis_of(&other, 50));
+        let mut map = Mat::from_fn(50, 30, |i, j| ((i * 5 + j * 3) % 11) as f64 / 11.0 - 0.4);
+        for i in 0..50 {
+            let sign = source.eigenvectors[(0, 0)].signum() * target.eigenvectors[(0, 0)].signum();
+            map[(i, 0)] = if i == 0 { sign } else { 0.0 };
+        }
+        let map = FunctionalMap { source_from_target: map };
+        let regressor = regressor(mesh.n_vertices());
+        let spectral = spectral_regressor(&regressor, &source, 50).unwrap();
+        for scale in [1.0, 1e-6, 1e6] {
+            let vertices: Vec<Vec3> = other.vertices().iter().map(|it| it * scale).collect();
+            let functional = transfer_by_functions(&spectral, &map, &target, &vertices).unwrap();
+            let farm =
+                transfer_by_coordinates(&regressor, &source, &map, &target, &vertices).unwrap();
+            for (a, b) in functional.positions().iter().zip(farm.positions()) {
+                assert!((a - b).norm() < 1e-10 * scale, "{a} {b}");
+            }
+        }
     }
 }

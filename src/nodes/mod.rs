@@ -6,23 +6,32 @@ mod check;
 mod clean;
 mod command;
 mod decimate;
+mod degrade;
 mod descriptors;
 mod download;
 mod eigs;
 mod embed;
+mod farm_map;
 mod fmap;
 mod joint_error;
+mod landmark_error;
 mod landmarks;
+mod landmarks_auto;
 mod laplacian;
 mod load;
+mod load_motion;
+mod load_skeleton;
 mod make_body;
 mod normalize;
 mod plot;
 mod point_cloud;
+mod pose;
 mod python;
 mod regressor;
+mod remesh;
 mod retarget;
 mod rig;
+mod simplify_skeleton;
 mod skin_weights;
 mod snapshot;
 mod spectral_regressor;
@@ -40,23 +49,32 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<clean::Clean>(),
     NodeKind::open::<command::Command>(),
     NodeKind::of::<decimate::Decimate>(),
+    NodeKind::of::<degrade::Degrade>(),
     NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
     NodeKind::of::<eigs::Eigs>(),
     NodeKind::of::<embed::EmbedNode>(),
+    NodeKind::of::<farm_map::FarmMap>(),
     NodeKind::of::<fmap::Fmap>(),
     NodeKind::of::<joint_error::JointError>(),
+    NodeKind::of::<landmark_error::LandmarkError>(),
     NodeKind::of::<landmarks::LandmarksNode>(),
+    NodeKind::of::<landmarks_auto::LandmarksAuto>(),
     NodeKind::of::<laplacian::Laplacian>(),
     NodeKind::of::<load::Load>(),
+    NodeKind::of::<load_motion::LoadMotion>(),
+    NodeKind::of::<load_skeleton::LoadSkeleton>(),
     NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<normalize::Normalize>(),
     NodeKind::of::<plot::Plot>(),
     NodeKind::of::<point_cloud::PointCloud>(),
+    NodeKind::of::<pose::PoseNode>(),
     NodeKind::open_labelled::<python::Python>(),
     NodeKind::of::<regressor::RegressorNode>(),
+    NodeKind::of::<remesh::Remesh>(),
     NodeKind::of::<retarget::RetargetNode>(),
     NodeKind::of::<rig::RigNode>(),
+    NodeKind::of::<simplify_skeleton::SimplifySkeleton>(),
     NodeKind::of::<skin_weights::SkinWeightsNode>(),
     NodeKind::of::<snapshot::Snapshot>(),
     NodeKind::of::<spectral_regressor::SpectralRegressorNode>(),

@@ -12,7 +12,9 @@ use crate::kernels::functional_map::{FunctionalMap, PointMap};
 use crate::kernels::mesh::TriMesh;
 use crate::kernels::regressor::{Regressor, SpectralRegressor};
 use crate::kernels::skeleton::Skeleton;
-use crate::kernels::skeleton_transfer::{transfer_by_functions, transfer_by_points};
+use crate::kernels::skeleton_transfer::{
+    transfer_by_coordinates, transfer_by_functions, transfer_by_points,
+};
 
 /// How a skeleton is carried over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -22,8 +24,13 @@ pub enum TransferMode {
     /// matches average out.
     #[default]
     Functional,
-    /// By matched points: needs `regressor` and `matches`.
+    /// By matched points: needs `regressor` and `matches`. With a regressor of the method `avril`, this
+    /// is the skeleton of Avril et al. 2016.
     Pointwise,
+    /// By coordinates, FARM's way: the target's geometry is put on the source's connectivity, and the
+    /// regressor applied to it. Needs `regressor`, `source_basis`, `map` and `target_basis`. With the same
+    /// regressor and map the joints are those of `functional`; FARM has its own, of `farm_map`.
+    Coordinates,
 }
 
 /// Carries the source's skeleton to the target.
@@ -44,6 +51,8 @@ impl Transfer {
         OptionalInput::new("map", "functions on the target to functions on the source");
     const TARGET_BASIS: OptionalInput<Basis> =
         OptionalInput::new("target_basis", "eigenpairs of the target");
+    const SOURCE_BASIS: OptionalInput<Basis> =
+        OptionalInput::new("source_basis", "eigenpairs of the source");
     const REGRESSOR: OptionalInput<Regressor> =
         OptionalInput::new("regressor", "the source's joints from vertices");
     const MATCHES: OptionalInput<PointMap> =
@@ -64,6 +73,14 @@ impl Transfer {
         Ok(transfer_by_points(&regressor, &matches, mesh.vertices())?)
     }
 
+    fn by_coordinates(&self, io: &NodeIo<'_>, mesh: &TriMesh) -> Result<Skeleton, NodeError> {
+        let regressor = self.needed(io, Self::REGRESSOR, "regressor")?;
+        let source = self.needed(io, Self::SOURCE_BASIS, "source_basis")?;
+        let map = self.needed(io, Self::MAP, "map")?;
+        let target = self.needed(io, Self::TARGET_BASIS, "target_basis")?;
+        Ok(transfer_by_coordinates(&regressor, &source, &map, &target, mesh.vertices())?)
+    }
+
     fn needed<T: Artifact>(
         &self,
         io: &NodeIo<'_>,
@@ -73,6 +90,7 @@ impl Transfer {
         let mode = match self.mode {
             TransferMode::Functional => "functional",
             TransferMode::Pointwise => "pointwise",
+            TransferMode::Coordinates => "coordinates",
         };
         io.get_optional(port)
             .ok_or_else(|| NodeError::failed(format!("mode `{mode}` needs the input `{name}`")))
@@ -87,12 +105,13 @@ impl Node for Transfer {
             Self::SPECTRAL.port(),
             Self::MAP.port(),
             Self::TARGET_BASIS.port(),
+            Self::SOURCE_BASIS.port(),
             Self::REGRESSOR.port(),
             Self::MATCHES.port(),
             Self::TARGET_MESH.port(),
         ],
         outputs: &[Self::SKELETON.port()],
-        cites: &["musoni2021functional"],
+        cites: &["musoni2021functional", "marin2020farm", "avril2016animation"],
         example: r#"[nodes.body]
 kind = "synthesize"
 n_vertices = 1000
@@ -152,6 +171,15 @@ mode = "pointwise"
 regressor = "@regressor.regressor"
 matches = "@fine.matches"
 target_mesh = "@body.mesh"
+
+[nodes.joints_by_coordinates]
+kind = "transfer"
+mode = "coordinates"
+regressor = "@regressor.regressor"
+source_basis = "@basis"
+map = "@fine.map"
+target_basis = "@basis"
+target_mesh = "@body.mesh"
 "#,
     };
 
@@ -160,6 +188,7 @@ target_mesh = "@body.mesh"
         let skeleton = match self.mode {
             TransferMode::Functional => self.by_functions(io, &mesh)?,
             TransferMode::Pointwise => self.by_points(io, &mesh)?,
+            TransferMode::Coordinates => self.by_coordinates(io, &mesh)?,
         };
         io.put(Self::SKELETON, skeleton);
         Ok(())

@@ -5,6 +5,7 @@
 //! a file; where a format refers to others (`.gltf`), the caller hands in a function that finds
 //! them.
 
+pub mod bvh;
 pub mod character;
 pub mod csv;
 pub mod error;
@@ -16,6 +17,7 @@ pub mod off;
 pub mod ply;
 pub mod png;
 pub mod read;
+pub mod skeleton_file;
 pub mod stl;
 pub mod table_file;
 pub mod table_text;
