@@ -10,6 +10,7 @@ mod image;
 mod landmarks;
 mod matrix;
 mod mesh;
+mod mesh_sequence;
 mod npz;
 mod operator;
 mod point_map;
@@ -44,6 +45,7 @@ pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::image::Image>(),
     ArtifactKind::of::<kernels::landmarks::Landmarks>(),
     ArtifactKind::of::<kernels::mesh::TriMesh>(),
+    ArtifactKind::of::<kernels::mesh_sequence::MeshSequence>(),
     ArtifactKind::of::<kernels::operator::Operator>(),
     ArtifactKind::of::<kernels::functional_map::PointMap>(),
     ArtifactKind::of::<kernels::regressor::Regressor>(),

@@ -173,7 +173,7 @@ mod tests {
                 // The demo's weights leave a centimetre after a thousand steps.
                 let bound = if energy == RegressorEnergy::PAPER { 1e-6 } else { 1e-2 };
                 assert!(of(&adam) < bound, "{}", of(&adam));
-                assert!(reports[joint].residual < 0.05, "{:?}", reports[joint]);
+                assert!(reports[joint].residual < 0.1, "{:?}", reports[joint]);
                 assert!((reports[joint].sum - 1.0).abs() < 0.05, "{:?}", reports[joint]);
             }
             let sums = adam.matrix.mul_vec(&vec![1.0; mesh.n_vertices()]);

@@ -2,10 +2,12 @@
 
 use crate::engine::node::NodeKind;
 
+mod animate;
 mod check;
 mod clean;
 mod command;
 mod decimate;
+mod deformation_error;
 mod degrade;
 mod descriptors;
 mod download;
@@ -45,11 +47,13 @@ mod zoomout;
 
 /// Every kind. Keep sorted by name.
 pub static ALL: &[NodeKind] = &[
+    NodeKind::of::<animate::Animate>(),
     NodeKind::of::<check::Check>(),
     NodeKind::of::<clean::Clean>(),
     NodeKind::open::<command::Command>(),
     NodeKind::of::<decimate::Decimate>(),
     NodeKind::of::<degrade::Degrade>(),
+    NodeKind::of::<deformation_error::DeformationErrorNode>(),
     NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
     NodeKind::of::<eigs::Eigs>(),

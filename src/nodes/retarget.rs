@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
 use crate::kernels::clip::Clip;
-use crate::kernels::retarget::{BoneMotion, RetargetOptions, RootMotion, retarget};
+use crate::kernels::retarget_bones::{BoneMotion, RetargetOptions, RootMotion, retarget_bones};
 use crate::kernels::skeleton::Skeleton;
 
 /// Moves a skeleton like another one, from where the other's joints are.
@@ -56,7 +56,7 @@ target_skeleton = "@other.skeleton"
         let (source, clip) = (io.get(Self::SOURCE), io.get(Self::CLIP));
         let target = io.get(Self::TARGET);
         let options = RetargetOptions { bones: self.bones, root: self.root };
-        let res = retarget(&source, &clip, &target, &options)?;
+        let res = retarget_bones(&source, &clip, &target, &options)?;
         if !res.without_source.is_empty() {
             io.note(format!(
                 "{} joints of the target are none of the source's and follow their parents: {}",

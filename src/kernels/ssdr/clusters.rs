@@ -58,7 +58,9 @@ fn split(
     let totals: Vec<f64> = (0..n_clusters).map(total).collect();
     let rigid = RIGID * RIGID * moving.n_frames() as f64;
     let mut order: Vec<usize> = (0..n_clusters)
-        .filter(|&it| members[it].len() >= 2 * LEAST && totals[it] > rigid * members[it].len() as f64)
+        .filter(|&it| {
+            members[it].len() >= 2 * LEAST && totals[it] > rigid * members[it].len() as f64
+        })
         .collect();
     order.sort_by(|&a, &b| totals[b].total_cmp(&totals[a]).then(a.cmp(&b)));
     order.truncate(n_bones - n_clusters);

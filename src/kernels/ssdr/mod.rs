@@ -275,7 +275,8 @@ fn finish(
         .iter()
         .map(|row| row.iter().map(|&(bone, weight)| (new_of_old(bone) as u32, weight)).collect())
         .collect();
-    let weights = SkinWeights::from_rows(kept.len(), &rows).expect("weights of a vertex sum to one");
+    let weights =
+        SkinWeights::from_rows(kept.len(), &rows).expect("weights of a vertex sum to one");
     let mut all = Vec::with_capacity(frames.len() * kept.len());
     for frame in 0..frames.len() {
         for &bone in &kept {
@@ -310,7 +311,8 @@ pub fn rmse(
         let motions = &motions[frame * n_bones..(frame + 1) * n_bones];
         for (vertex, point) in points.iter().enumerate() {
             let place = nalgebra::Point3::from(rest[vertex]);
-            let moved = |(bone, weight): (u32, f64)| (motions[bone as usize] * place).coords * weight;
+            let moved =
+                |(bone, weight): (u32, f64)| (motions[bone as usize] * place).coords * weight;
             let skinned: Vec3 = weights.row(vertex).map(moved).sum();
             sum += (skinned - point).norm_squared();
         }

@@ -167,9 +167,7 @@ impl Sums {
             .collect();
         let targets = targets(moving, rows, n_bones, &|_, weight| weight);
         let affine_targets = match affinity > 0.0 {
-            true => {
-                targets_of_affinity(moving, rows, &pulls)
-            }
+            true => targets_of_affinity(moving, rows, &pulls),
             false => Mat::zeros(targets.nrows(), targets.ncols()),
         };
         Self { targets, affine_targets, moments, pairs }
@@ -209,7 +207,8 @@ fn targets(
                     let column = chunk.as_mut().col_mut(4 * bone as usize + axis);
                     let sums = column.try_as_col_major_mut().expect("columns are contiguous");
                     let share = weight * coordinate;
-                    for (sum, position) in sums.as_slice_mut().iter_mut().zip(positions.as_slice()) {
+                    for (sum, position) in sums.as_slice_mut().iter_mut().zip(positions.as_slice())
+                    {
                         *sum += share * position;
                     }
                 }

@@ -26,7 +26,9 @@ fn hinged() -> (TriMesh, Vec<Vec<Vec3>>, usize) {
             Translation3::new(t, 2.0 * t * t, -t),
             turn(Vec3::new(0.3, 0.5, 0.1) * t),
         );
-        let bend = Translation3::from(hinge) * turn(Vec3::z() * 1.2 * t) * Translation3::from(-hinge.coords);
+        let bend = Translation3::from(hinge)
+            * turn(Vec3::z() * 1.2 * t)
+            * Translation3::from(-hinge.coords);
         let place = |(index, it): (usize, &Vec3)| {
             let own = if index < first.n_vertices() { carry } else { carry * bend };
             (own * nalgebra::Point3::from(*it)).coords
@@ -41,8 +43,7 @@ fn hinged() -> (TriMesh, Vec<Vec<Vec3>>, usize) {
 fn two_bodies_with_a_hinge_are_two_bones() {
     let (mesh, frames, n_first) = hinged();
     for options in [exact(2), exact(7), SsdrOptions { n_bones: 2, ..Default::default() }] {
-        let res =
-            ssdr(mesh.vertices(), mesh.faces(), &slices(&frames), None, &options).unwrap();
+        let res = ssdr(mesh.vertices(), mesh.faces(), &slices(&frames), None, &options).unwrap();
         assert!(res.rmse < 1e-6, "{}", res.rmse);
         // More bones than motions are not made.
         assert_eq!(res.weights.n_joints(), 2);
@@ -190,7 +191,10 @@ fn poor_input_is_told_or_decomposed() {
         "2 labels were given for 410 vertices"
     );
     let none = SsdrOptions { n_bones: 0, ..options.clone() };
-    assert_eq!(message(&rest, &frames, None, &none), "the option `n_bones` is 0, but must be at least 1");
+    assert_eq!(
+        message(&rest, &frames, None, &none),
+        "the option `n_bones` is 0, but must be at least 1"
+    );
     assert!(ssdr(&rest, &faces, &[], None, &options).is_err());
     assert!(ssdr(&rest, &[[0, 1, 999]], &slices(&frames), None, &options).is_err());
     // One vertex, all at one place, a mesh that stands still.

@@ -64,7 +64,9 @@ pub fn single_errors(moving: &Moving, motions: &Motions) -> Vec<Vec<f64>> {
         let linear = linear(u, products, |_| 0.0);
         let problem = Problem { u, gram: &gram, linear, ridge: 0.0 };
         (0..motions.n_bones())
-            .map(|bone| moving.squares[vertex] + problem.diagonal(bone) - 2.0 * problem.linear[bone])
+            .map(|bone| {
+                moving.squares[vertex] + problem.diagonal(bone) - 2.0 * problem.linear[bone]
+            })
             .collect()
     })
 }
@@ -87,7 +89,13 @@ fn for_all<T: Send>(
             .map(|(column, vertex)| work(vertex, products.col_as_slice(column)))
             .collect::<Vec<T>>()
     };
-    (0..n.div_ceil(CHUNK)).into_par_iter().map(chunk).collect::<Vec<_>>().into_iter().flatten().collect()
+    (0..n.div_ceil(CHUNK))
+        .into_par_iter()
+        .map(chunk)
+        .collect::<Vec<_>>()
+        .into_iter()
+        .flatten()
+        .collect()
 }
 
 /// `g`, plus what is added for every bone.
