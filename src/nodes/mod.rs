@@ -37,6 +37,7 @@ mod simplify_skeleton;
 mod skin_weights;
 mod snapshot;
 mod spectral_regressor;
+mod ssdr;
 mod subdivide;
 mod synthesize;
 mod table;
@@ -82,6 +83,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<skin_weights::SkinWeightsNode>(),
     NodeKind::of::<snapshot::Snapshot>(),
     NodeKind::of::<spectral_regressor::SpectralRegressorNode>(),
+    NodeKind::of::<ssdr::SsdrNode>(),
     NodeKind::of::<subdivide::Subdivide>(),
     NodeKind::of::<synthesize::Synthesize>(),
     NodeKind::of::<table::TableNode>(),
