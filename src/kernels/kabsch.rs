@@ -9,8 +9,12 @@ const RANK: f64 = 1e-12;
 
 /// The rotation `R` that minimizes `sum |b - R a|^2`, from `H = sum b a^T` (Kabsch 1976).
 ///
-/// If all vectors are parallel, the smallest of the many best rotations; the identity if all are zero.
+/// If all vectors are parallel, the smallest of the many best rotations; the identity if all are zero,
+/// or if `H` is not finite.
 pub fn best_rotation(covariance: &Matrix3<f64>) -> UnitQuaternion<f64> {
+    if !covariance.iter().all(|it| it.is_finite()) {
+        return UnitQuaternion::identity();
+    }
     let svd = covariance.svd(true, true);
     let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return UnitQuaternion::identity() };
     let mut order = [0, 1, 2];
@@ -32,7 +36,9 @@ pub fn best_rotation(covariance: &Matrix3<f64>) -> UnitQuaternion<f64> {
 /// The smallest rotation that turns a direction into another. Between opposite directions it is half a
 /// turn about a perpendicular axis; a direction of no length is not turned.
 pub fn shortest_arc(from: Vec3, to: Vec3) -> UnitQuaternion<f64> {
-    let (Some(from), Some(to)) = (from.try_normalize(0.0), to.try_normalize(0.0)) else {
+    // The largest coordinate first, so that no square overflows or vanishes.
+    let unit = |it: Vec3| (it / it.amax()).try_normalize(0.0).filter(|it| it.norm() > 0.5);
+    let (Some(from), Some(to)) = (unit(from), unit(to)) else {
         return UnitQuaternion::identity();
     };
     // Half-way between the two, which is accurate near both ends.
@@ -89,5 +95,8 @@ mod tests {
             }
         }
         assert_eq!(shortest_arc(Vec3::zeros(), Vec3::x()), UnitQuaternion::identity());
+        let far = shortest_arc(Vec3::x() * 1e300, Vec3::y() * 1e-300);
+        assert!((far * Vec3::x() - Vec3::y()).norm() < 1e-12);
+        assert_eq!(shortest_arc(Vec3::x() * f64::INFINITY, Vec3::y()), UnitQuaternion::identity());
     }
 }

@@ -80,6 +80,8 @@ pub enum SsdrError {
     NotFinite { frame: usize, vertex: usize, value: f64 },
     #[error("the option `{name}` is {value}, but must be {wanted}")]
     Option { name: &'static str, value: f64, wanted: &'static str },
+    #[error("the coordinates are too large or too small for double precision")]
+    Range,
     #[error("{n_labels} labels were given for {n_vertices} vertices")]
     Labels { n_labels: usize, n_vertices: usize },
     #[error("face {face} refers to vertex {vertex}, but there are {n_vertices} vertices")]
@@ -104,6 +106,9 @@ pub fn ssdr(
 ) -> Result<Ssdr, SsdrError> {
     check(rest, faces, frames, labels, options)?;
     let moving = Moving::new(rest, frames);
+    if !(moving.scale > 0.0 && moving.squares.iter().all(|it| it.is_finite())) {
+        return Err(SsdrError::Range);
+    }
     let labels = match labels {
         Some(labels) => compact(labels),
         None => clusters::clusters(&moving, options.n_bones),
@@ -218,7 +223,8 @@ impl Moving {
         let centers: Vec<Vec3> = frames.iter().map(|it| center(it)).collect();
         let square: f64 = rest.iter().map(|it| (it - rest_center).norm_squared()).sum();
         let size = (square / rest.len() as f64).sqrt();
-        let scale = if size > 0.0 { 1.0 / size } else { 1.0 };
+        // All vertices at one place have no size.
+        let scale = if size == 0.0 { 1.0 } else { 1.0 / size };
         let homogeneous = |it: &Vec3| {
             let at = (it - rest_center) * scale;
             [at.x, at.y, at.z, 1.0]

@@ -197,6 +197,9 @@ fn poor_input_is_told_or_decomposed() {
     );
     assert!(ssdr(&rest, &faces, &[], None, &options).is_err());
     assert!(ssdr(&rest, &[[0, 1, 999]], &slices(&frames), None, &options).is_err());
+    let far: Vec<Vec3> = rest.iter().map(|it| it * 1e200).collect();
+    let error = ssdr(&far, &faces, &[&far], None, &options).unwrap_err();
+    assert_eq!(error, SsdrError::Range);
     // One vertex, all at one place, a mesh that stands still.
     let one = [Vec3::x()];
     assert_eq!(ssdr(&one, &[], &[&one], None, &options).unwrap().rmse, 0.0);
