@@ -14,6 +14,7 @@ mod degrade;
 mod descriptors;
 mod download;
 mod eigs;
+mod embed;
 mod farm_map;
 mod fmap;
 mod icp_refine;
@@ -36,12 +37,15 @@ mod python;
 mod regressor;
 mod regressor_image;
 mod remesh;
+mod retarget;
 mod rig;
 mod rooted_skeleton;
 mod simplify_skeleton;
 mod skeletonize;
+mod skin_weights;
 mod snapshot;
 mod spectral_regressor;
+mod ssdr;
 mod subdivide;
 mod synthesize;
 mod table;
@@ -64,6 +68,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
     NodeKind::of::<eigs::Eigs>(),
+    NodeKind::of::<embed::EmbedNode>(),
     NodeKind::of::<farm_map::FarmMap>(),
     NodeKind::of::<fmap::Fmap>(),
     NodeKind::of::<icp_refine::IcpRefine>(),
@@ -86,12 +91,15 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<regressor::RegressorNode>(),
     NodeKind::of::<regressor_image::RegressorImage>(),
     NodeKind::of::<remesh::Remesh>(),
+    NodeKind::of::<retarget::RetargetNode>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<rooted_skeleton::RootedSkeleton>(),
     NodeKind::of::<simplify_skeleton::SimplifySkeleton>(),
     NodeKind::of::<skeletonize::Skeletonize>(),
+    NodeKind::of::<skin_weights::SkinWeightsNode>(),
     NodeKind::of::<snapshot::Snapshot>(),
     NodeKind::of::<spectral_regressor::SpectralRegressorNode>(),
+    NodeKind::of::<ssdr::SsdrNode>(),
     NodeKind::of::<subdivide::Subdivide>(),
     NodeKind::of::<synthesize::Synthesize>(),
     NodeKind::of::<table::TableNode>(),
