@@ -7,6 +7,7 @@ use std::{collections::BTreeMap, path::PathBuf, time::Instant};
 
 use sinew::kernels::{
     basis::Basis,
+    chirality::chirality,
     descriptors::{DescriptorOptions, Descriptors, descriptors},
     eigs::{Disconnected, EigsOptions, eigs},
     exact_regressor::{RegressorOptions, exact_regressor},
@@ -18,10 +19,11 @@ use sinew::kernels::{
     joint_error::{HeightAxis, JointErrors, joint_errors},
     landmark_files::read_landmarks,
     laplacian::{MassLumping, cotangent_laplacian},
+    map_quality::{coverage, orthogonality},
     mesh::{TriMesh, Vec3},
     skeleton::Skeleton,
     skeleton_transfer::{spectral_regressor, transfer_by_functions, transfer_by_points},
-    zoomout::{ZoomOutOptions, map_health, zoomout},
+    zoomout::{ZoomOutOptions, zoomout},
 };
 
 /// A rigged `.glb` and, of another shape, a mesh with its true joints.
@@ -86,8 +88,9 @@ fn outcome(corpus: &std::path::Path, pair: &Pair) -> Outcome {
     let map = fit_functional_map((&source_basis, &g), (&target_basis, &f), &fit).unwrap();
     clock.lap("fmap");
     let refine = ZoomOutOptions::default();
+    let places = (Some(source.mesh.vertices()), Some(target.vertices()));
     let (map, matches) =
-        zoomout((&source_basis, None), (&target_basis, None), &map, &refine).unwrap();
+        zoomout((&source_basis, places.0), (&target_basis, places.1), &map, &refine).unwrap();
     clock.lap("zoomout");
     let options = RegressorOptions::default();
     let (regressor, _) = exact_regressor(&source.mesh, &skeleton, &weights, &options).unwrap();
@@ -98,7 +101,8 @@ fn outcome(corpus: &std::path::Path, pair: &Pair) -> Outcome {
     let pointwise = transfer_by_points(&regressor, &matches, target.vertices()).unwrap();
     clock.lap("transfer");
 
-    let health = map_health(&map, &matches, &target_basis, Some((&source.mesh, &target)));
+    let meshes = ((&source_basis, &source.mesh), (&target_basis, &target));
+    let chirality = chirality(meshes.0, meshes.1, &map).expect("two meshes");
     let judge = |joints: &Skeleton| joint_errors(joints, &truth, &target, HeightAxis::Y).unwrap();
     let (functional, pointwise) = (judge(&functional), judge(&pointwise));
     let show = |errors: &JointErrors| {
@@ -106,14 +110,18 @@ fn outcome(corpus: &std::path::Path, pair: &Pair) -> Outcome {
         format!("{mean:.2} % / {most:.2} %")
     };
     let line = format!(
-        "{} -> {}: functional {}, pointwise {} (mean / max), {health:?}, {}",
+        "{} -> {}: functional {}, pointwise {} (mean / max), chirality {:.0} %, \
+         orthogonality {:.2}, coverage {:.0} %, {}",
         pair.source,
         pair.target,
         show(&functional),
         show(&pointwise),
+        100.0 * chirality,
+        orthogonality(map.source_from_target.as_ref()),
+        100.0 * coverage(&matches, &target_basis.mass),
         clock.laps.join(", ")
     );
-    Outcome { functional, chirality: health.chirality, line }
+    Outcome { functional, chirality, line }
 }
 
 fn worst(errors: &JointErrors) -> (String, f64) {

@@ -1,3 +1,4 @@
+use super::functional_map::{put_space, space};
 use super::matrix::{matrix, put_matrix, show_range};
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
 use crate::kernels::descriptors::Descriptors;
@@ -7,12 +8,15 @@ impl Artifact for Descriptors {
         name: "descriptors",
         version: 1,
         doc: "Functions that look alike at corresponding points: `values` (V x p, columns of unit \
-              norm) and `names`.",
+              norm) and `names`. The text `space`, if there is one, tells the basis they come from.",
     };
 
     fn encode<'a>(&'a self, to: &mut Encoder<'a>) {
         put_matrix(to, "values", &self.values);
         to.texts("names", &self.names);
+        if let Some(space) = &self.space {
+            put_space(to, "space", space);
+        }
     }
 
     fn decode(from: &Decoder<'_>) -> Result<Self, DecodeError> {
@@ -21,7 +25,7 @@ impl Artifact for Descriptors {
             let (columns, names) = (values.ncols(), names.len());
             return Err(DecodeError(format!("{names} names for {columns} functions")));
         }
-        Ok(Self { names, values })
+        Ok(Self { names, values, space: space(from, "space")? })
     }
 
     fn summary(&self) -> Vec<(String, String)> {

@@ -2,6 +2,7 @@
 
 mod basis;
 mod clip;
+mod correspondences;
 mod curve_skeleton;
 mod descriptors;
 mod figure;
@@ -39,6 +40,7 @@ pub use rig::Rig;
 pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::basis::Basis>(),
     ArtifactKind::of::<kernels::clip::Clip>(),
+    ArtifactKind::of::<kernels::correspondences::Correspondences>(),
     ArtifactKind::of::<kernels::curve_skeleton::CurveSkeleton>(),
     ArtifactKind::of::<kernels::descriptors::Descriptors>(),
     ArtifactKind::of::<kernels::figure::Figure>(),

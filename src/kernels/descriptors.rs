@@ -2,7 +2,7 @@
 
 use faer::Mat;
 
-use super::{basis::Basis, tall};
+use super::{basis::Basis, functional_map::FunctionSpace, tall};
 
 /// `p` functions on one shape.
 #[derive(Debug, Clone)]
@@ -12,6 +12,8 @@ pub struct Descriptors {
     /// `V x p` values by columns, each of unit norm with respect to the masses of the shape at total
     /// area one. A function that vanishes stays zero.
     pub values: Mat<f64>,
+    /// The basis they were computed from; unknown for those of other programs.
+    pub space: Option<FunctionSpace>,
 }
 
 impl Descriptors {
@@ -119,7 +121,8 @@ pub fn descriptors(
         values.col_mut(column).copy_from(from.col(index));
         normalize(&mut values, column, basis);
     }
-    Ok(Descriptors { names: functions.into_iter().map(|it| it.name).collect(), values })
+    let names = functions.into_iter().map(|it| it.name).collect();
+    Ok(Descriptors { names, values, space: Some(FunctionSpace::of(basis)) })
 }
 
 /// One function to be: filter values over the eigenpairs, of the squared eigenfunctions or of the

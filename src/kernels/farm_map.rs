@@ -113,7 +113,7 @@ pub fn farm_map(
         map = points.robust_fit(&map, options.orthogonality).ok_or(FarmError::NotFinite)?;
         distances.push([before, points.distance(&map)]);
     }
-    Ok((FunctionalMap { source_from_target: map }, FarmReport { distances }))
+    Ok((FunctionalMap::new(source.0, target.0, map), FarmReport { distances }))
 }
 
 /// Both bases at total area one.

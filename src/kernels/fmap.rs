@@ -1,9 +1,15 @@
 //! Functional maps from descriptors.
 
 use faer::{Mat, MatRef};
+use rayon::prelude::*;
 
 use super::{
-    basis::Basis, cholesky::Cholesky, descriptors::Descriptors, functional_map::FunctionalMap, tall,
+    adam::{AdamOptions, minimize},
+    basis::Basis,
+    cholesky::Cholesky,
+    descriptors::Descriptors,
+    functional_map::{FunctionSpace, FunctionalMap},
+    tall,
 };
 
 /// Weights of the energy that [`fit_functional_map`] minimizes.
@@ -17,11 +23,44 @@ pub struct FitOptions {
     pub commutativity: f64,
     /// `c`, of commutativity with the Laplacians.
     pub laplacian: f64,
+    /// Divides the squared gaps of the spectra by their sum, so that `laplacian` does not depend on
+    /// `k`.
+    pub normalized_gaps: bool,
+    pub solver: Solver,
+}
+
+/// How the minimum is looked for.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Solver {
+    /// By one factorization.
+    Exact,
+    /// By steps of Adam from zero, as the paper's demo does. They stop above the minimum.
+    Adam(AdamOptions),
 }
 
 impl Default for FitOptions {
     fn default() -> Self {
-        Self { k: 20, descriptors: 0.1, commutativity: 1.0, laplacian: 1e-3 }
+        Self {
+            k: 20,
+            descriptors: 0.1,
+            commutativity: 1.0,
+            laplacian: 1e-3,
+            normalized_gaps: true,
+            solver: Solver::Exact,
+        }
+    }
+}
+
+impl FitOptions {
+    /// The paper's demo: no commutativity with multiplication, plain gaps, 1000 steps of Adam.
+    pub fn demo() -> Self {
+        Self {
+            commutativity: 0.0,
+            laplacian: 2e-8,
+            normalized_gaps: false,
+            solver: Solver::Adam(AdamOptions::default()),
+            ..Self::default()
+        }
     }
 }
 
@@ -44,11 +83,18 @@ pub enum FitError {
          both shapes need the same landmarks in the same order"
     )]
     Names { index: usize, source_name: String, target_name: String },
+    #[error(
+        "source and target are swapped: the {side} descriptors were computed on the shape of the \
+         {other} basis"
+    )]
+    Swapped { side: &'static str, other: &'static str },
     #[error("the descriptors do not determine a map: the system is singular")]
     Singular,
+    #[error("Adam ran away: the map has entries that are not finite, use smaller steps")]
+    NotFinite,
 }
 
-/// Fits a functional map `C: F(N) -> F(M)` to corresponding descriptors, exactly.
+/// Fits a functional map `C: F(N) -> F(M)` to corresponding descriptors.
 ///
 /// With coefficients `F`, `G` (`k x p`) of the target's and the source's descriptors, the minimum of
 ///
@@ -56,9 +102,9 @@ pub enum FitError {
 ///
 /// (Nogneng & Ovsjanikov 2017), where `X_i = Psi^T A_N diag(f_i) Psi` and
 /// `Y_i = Phi^T A_M diag(g_i) Phi` multiply by a descriptor, and `D_jl = (lambda_j - mu_l)^2`,
-/// divided by its sum, compares the spectra. Constants are carried to constants: the first column is
+/// divided by its sum unless that is turned off, compares the spectra. Constants are carried to constants: the first column is
 /// fixed. The energy is quadratic in the entries of `C`, so one Cholesky factorization of a
-/// `k (k - 1)` system finds the minimum.
+/// `k (k - 1)` system finds the minimum, unless the options ask for steps of Adam.
 ///
 /// Coordinates are those of both shapes at total area one: `C` is the same whatever their scale, and
 /// its first column is plus or minus the first unit vector.
@@ -86,6 +132,8 @@ pub fn fit_rectangular_map(
     check("source", source, k_source)?;
     check("target", target, k_target)?;
     check_names(&source.1.names, &target.1.names)?;
+    check_not_swapped(["source", "target"], source, target.0)?;
+    check_not_swapped(["target", "source"], target, source.0)?;
     let kept: Vec<usize> = (0..source.1.count())
         .filter(|&it| !vanishes(source.1, it) && !vanishes(target.1, it))
         .collect();
@@ -94,7 +142,25 @@ pub fn fit_rectangular_map(
         &Side::new(target, &kept, k_target),
         options,
     );
-    Ok(FunctionalMap { source_from_target: energy.minimum().ok_or(FitError::Singular)? })
+    let map = match &options.solver {
+        Solver::Exact => energy.minimum().ok_or(FitError::Singular)?,
+        Solver::Adam(adam) => energy.descended(adam).ok_or(FitError::NotFinite)?,
+    };
+    Ok(FunctionalMap::new(source.0, target.0, map))
+}
+
+/// Descriptors may come from another basis of the same shape, but not from the other shape.
+fn check_not_swapped(
+    [side, other]: [&'static str; 2],
+    (basis, descriptors): (&Basis, &Descriptors),
+    other_basis: &Basis,
+) -> Result<(), FitError> {
+    let Some(space) = descriptors.space else { return Ok(()) };
+    let [own, opposite] = [basis, other_basis].map(|it| FunctionSpace::of(it).shape);
+    match space.shape != own && space.shape == opposite {
+        true => Err(FitError::Swapped { side, other }),
+        false => Ok(()),
+    }
 }
 
 fn check(side: &'static str, shape: (&Basis, &Descriptors), k: usize) -> Result<(), FitError> {
@@ -163,11 +229,28 @@ impl Side {
 fn multiplications(vectors: MatRef<'_, f64>, mass: &[f64], values: MatRef<'_, f64>) -> Mat<f64> {
     let k = vectors.ncols();
     let pairs: Vec<(usize, usize)> = (0..k).flat_map(|i| (i..k).map(move |j| (i, j))).collect();
-    let products = Mat::from_fn(vectors.nrows(), pairs.len(), |row, column| {
-        let (i, j) = pairs[column];
-        vectors[(row, i)] * vectors[(row, j)]
-    });
-    let half = tall::mass_products(products.as_ref(), mass, values);
+    // By chunks of rows, whose products with each other stay in the cache.
+    let n_chunks = vectors.nrows().div_ceil(tall::CHUNK);
+    let parts: Vec<Mat<f64>> = (0..n_chunks)
+        .into_par_iter()
+        .map(|chunk| {
+            let first = chunk * tall::CHUNK;
+            let height = tall::CHUNK.min(vectors.nrows() - first);
+            let (vectors, values) = (vectors.subrows(first, height), values.subrows(first, height));
+            let mut products = Mat::zeros(height, pairs.len());
+            for (column, &(i, j)) in pairs.iter().enumerate() {
+                let factors = vectors.col(i).iter().zip(vectors.col(j).iter());
+                for (slot, (a, b)) in products.col_as_slice_mut(column).iter_mut().zip(factors) {
+                    *slot = a * b;
+                }
+            }
+            tall::mass_products(products.as_ref(), &mass[first..first + height], values)
+        })
+        .collect();
+    let mut half = Mat::zeros(pairs.len(), values.ncols());
+    for part in &parts {
+        half += part;
+    }
     let mut res = Mat::zeros(k * k, values.ncols());
     for (from, &(i, j)) in pairs.iter().enumerate() {
         res.row_mut(i * k + j).copy_from(half.row(from));
@@ -199,7 +282,10 @@ impl Energy {
         //                           - 2 sum_i tr(C X_i C^T Y_i), for the matrices are symmetric.
         let (x_squared, y_squared) = (sum_of_squares(x, m), sum_of_squares(y, n));
         let crossed = y * x.transpose();
-        let gaps = spectral_gaps(&source.eigenvalues, &target.eigenvalues);
+        let mut gaps = spectral_gaps(&source.eigenvalues, &target.eigenvalues);
+        if options.normalized_gaps {
+            gaps = normalized(gaps);
+        }
         let (a, b, c) = (options.descriptors, options.commutativity, options.laplacian);
         let hessian = Mat::from_fn(n * m, n * m, |row, column| {
             let ((i, j), (p, q)) = ((row / m, row % m), (column / m, column % m));
@@ -225,6 +311,33 @@ impl Energy {
         let x = Mat::from_fn(n * m, 1, |row, _| map[(row / m, row % m)]);
         let product = tall::product(self.hessian.as_ref(), x.as_ref());
         Mat::from_fn(n, m, |i, j| product[(i * m + j, 0)] - self.linear[i * m + j])
+    }
+
+    /// The energy of a map, less the constant, and its gradient.
+    fn value_and_gradient(&self, map: &Mat<f64>) -> (f64, Mat<f64>) {
+        let ([n, m], gradient) = (self.shape, self.gradient(map));
+        let half = |it: usize| {
+            let at = (it / m, it % m);
+            0.5 * map[at] * (gradient[at] - self.linear[it])
+        };
+        ((0..n * m).map(half).sum(), gradient)
+    }
+
+    /// Where Adam ends from zero, the first column kept; nothing if it does not stay finite.
+    fn descended(&self, options: &AdamOptions) -> Option<Mat<f64>> {
+        let [n, m] = self.shape;
+        let mut entries = vec![0.0; n * m];
+        entries[0] = self.constant;
+        minimize(&mut entries, options, |entries, slopes| {
+            let map = Mat::from_fn(n, m, |i, j| entries[i * m + j]);
+            let (value, gradient) = self.value_and_gradient(&map);
+            for (it, slope) in slopes.iter_mut().enumerate().filter(|it| it.0 % m != 0) {
+                *slope = gradient[(it / m, it % m)];
+            }
+            value
+        });
+        let map = Mat::from_fn(n, m, |i, j| entries[i * m + j]);
+        map.is_all_finite().then_some(map)
     }
 
     /// The minimum over all entries but the first column.
@@ -265,10 +378,14 @@ fn sum_of_squares(matrices: &Mat<f64>, k: usize) -> Mat<f64> {
     })
 }
 
-/// `(lambda_j - mu_l)^2` for source and target eigenvalues, divided by its sum.
+/// `(lambda_j - mu_l)^2` for source and target eigenvalues.
 fn spectral_gaps(source: &[f64], target: &[f64]) -> Mat<f64> {
     let gap = |j: usize, l: usize| (source[j] - target[l]).powi(2);
-    let gaps = Mat::from_fn(source.len(), target.len(), gap);
+    Mat::from_fn(source.len(), target.len(), gap)
+}
+
+/// Divided by the sum of all entries.
+fn normalized(gaps: Mat<f64>) -> Mat<f64> {
     let sum: f64 = (0..gaps.ncols()).map(|l| gaps.col_as_slice(l).iter().sum::<f64>()).sum();
     // A single eigenvalue, zero on both sides, has no gap at all.
     gaps * faer::Scale(1.0 / sum.max(f64::MIN_POSITIVE))
@@ -302,36 +419,57 @@ mod tests {
         let map = map.source_from_target;
         let gradient = energy.gradient(&map);
         assert!(gradient.subcols(1, 9).norm_max() < 1e-9, "{gradient:?}");
-        let value = |map: &Mat<f64>| {
-            let gradient = energy.gradient(map);
-            (0..100)
-                .map(|it| {
-                    let (i, j) = (it / 10, it % 10);
-                    0.5 * map[(i, j)] * (gradient[(i, j)] - energy.linear[it])
-                })
-                .sum::<f64>()
-        };
-        assert!(value(&map) <= value(&adam(&energy, 300)) + 1e-12);
+        let value = |map: &Mat<f64>| energy.value_and_gradient(map).0;
+        for n_steps in [300, 1000] {
+            let adam = AdamOptions { n_steps, ..AdamOptions::default() };
+            let other = energy.descended(&adam).unwrap();
+            assert!(value(&map) < value(&other), "{n_steps} steps");
+        }
     }
 
-    /// The paper's optimizer, from zero.
-    fn adam(energy: &Energy, n_steps: i32) -> Mat<f64> {
-        let k = energy.shape[0];
-        let mut map = Mat::zeros(k, k);
-        map[(0, 0)] = energy.constant;
-        let (mut mean, mut square) = (Mat::<f64>::zeros(k, k), Mat::<f64>::zeros(k, k));
-        for step in 1..=n_steps {
-            let gradient = energy.gradient(&map);
-            for (i, j) in (0..k).flat_map(|i| (1..k).map(move |j| (i, j))) {
-                let slope: f64 = gradient[(i, j)];
-                mean[(i, j)] += 0.1 * (slope - mean[(i, j)]);
-                square[(i, j)] += 0.001 * (slope * slope - square[(i, j)]);
-                let unbiased = mean[(i, j)] / (1.0 - 0.9f64.powi(step));
-                let deviation = (square[(i, j)] / (1.0 - 0.999f64.powi(step))).sqrt();
-                map[(i, j)] -= 0.1 * unbiased / (deviation + 1e-7);
-            }
-        }
-        map
+    /// The demo's energy has the same minimum, which its steps come near to.
+    #[test]
+    fn the_demo_ends_near_the_minimum_of_its_energy() {
+        let (source, target) = (basis_of(&creature(0.0), 30), basis_of(&creature(0.3), 30));
+        let (g, f) = (described(&source, &LANDMARKS), described(&target, &LANDMARKS));
+        let demo = FitOptions { k: 10, ..FitOptions::demo() };
+        let exact = FitOptions { solver: Solver::Exact, ..demo.clone() };
+        let fit = |options| fit_functional_map((&source, &g), (&target, &f), options).unwrap();
+        let (found, minimum) = (fit(&demo).source_from_target, fit(&exact).source_from_target);
+        let kept: Vec<usize> = (0..g.count()).collect();
+        let side = |shape| Side::new(shape, &kept, 10);
+        let energy = Energy::new(&side((&source, &g)), &side((&target, &f)), &demo);
+        let value = |map: &Mat<f64>| energy.value_and_gradient(map).0;
+        let (above, least, zero) = (value(&found), value(&minimum), value(&Mat::zeros(10, 10)));
+        let depth = zero - least;
+        assert!(above - least > -1e-14 * depth && above - least < 1e-3 * depth, "{least} {above}");
+        // The gaps are those of the spectra, undivided.
+        let [lambda, mu] = [&source, &target].map(|it| it.eigenvalues[3] * it.area());
+        let extra = energy.hessian[(33, 33)]
+            - Energy::new(
+                &side((&source, &g)),
+                &side((&target, &f)),
+                &FitOptions { laplacian: 0.0, ..demo.clone() },
+            )
+            .hessian[(33, 33)];
+        let expected = 2e-8 * (lambda - mu).powi(2);
+        assert!((extra - expected).abs() < 1e-6 * expected + 1e-15, "{extra} {expected}");
+    }
+
+    #[test]
+    fn swapped_bases_are_refused_though_the_sizes_agree() {
+        let (source, target) = (basis_of(&creature(0.0), 30), basis_of(&creature(0.3), 30));
+        let (g, f) = (described(&source, &LANDMARKS), described(&target, &LANDMARKS));
+        let options = FitOptions { k: 10, ..FitOptions::default() };
+        let error = fit_functional_map((&target, &g), (&source, &f), &options).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "source and target are swapped: the source descriptors were computed on the shape of \
+             the target basis"
+        );
+        // Descriptors of another basis of the same shape are welcome.
+        let more = described(&basis_of(&creature(0.3), 40), &LANDMARKS);
+        fit_functional_map((&source, &g), (&target, &more), &options).unwrap();
     }
 
     /// The energy by its definition, without the assembled system.
@@ -356,7 +494,7 @@ mod tests {
             let gap = &map * &x - &y * &map;
             expected += &gap * x.transpose() - y.transpose() * &gap;
         }
-        let gaps = spectral_gaps(&m.eigenvalues, &n.eigenvalues);
+        let gaps = normalized(spectral_gaps(&m.eigenvalues, &n.eigenvalues));
         expected += Mat::from_fn(k, k, |i, j| 0.7 * gaps[(i, j)] * map[(i, j)]);
         let error = &energy.gradient(&map) - &expected;
         assert!(error.norm_max() < 1e-9 * expected.norm_max(), "{error:?}");

@@ -2,7 +2,7 @@
 
 use faer::Mat;
 
-use super::sparse::CsrMatrix;
+use super::{functional_map::FunctionSpace, sparse::CsrMatrix};
 
 /// Joints as weighted sums of vertices: `J = R X`, with rows that sum to one.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,4 +22,6 @@ pub struct SpectralRegressor {
     pub parents: Vec<Option<usize>>,
     /// `Q x k`.
     pub matrix: Mat<f64>,
+    /// The basis of the coefficients; unknown for regressors of other programs.
+    pub space: Option<FunctionSpace>,
 }

@@ -2,7 +2,7 @@
 
 use faer::Mat;
 
-use super::functional_map::FunctionalMap;
+use super::functional_map::{FunctionalMap, WrongSpace};
 use super::regressor::SpectralRegressor;
 
 /// Why regressors cannot be carried over or compared.
@@ -21,6 +21,8 @@ pub enum RegressorBandsError {
     Identities { identities: usize, regressors: usize },
     #[error("{bands} bands of {k} coefficients")]
     Bands { bands: usize, k: usize },
+    #[error(transparent)]
+    WrongSpace(#[from] WrongSpace),
 }
 
 /// Carries a spectral regressor over to a map's target: `R^ C`, so that `J = (R^ C) Psi^+ X`.
@@ -31,6 +33,10 @@ pub fn carried_regressor(
     regressor: &SpectralRegressor,
     map: &FunctionalMap,
 ) -> Result<SpectralRegressor, RegressorBandsError> {
+    let spaces = map.spaces;
+    if let (Some(spaces), Some(space)) = (spaces, regressor.space) {
+        spaces.check_source(space)?;
+    }
     let map = &map.source_from_target;
     let k = regressor.matrix.ncols();
     if map.nrows() > k {
@@ -41,6 +47,7 @@ pub fn carried_regressor(
         names: regressor.names.clone(),
         parents: regressor.parents.clone(),
         matrix: regressor.matrix.as_ref().subcols(0, map.nrows()) * map,
+        space: spaces.map(|it| it.target),
     })
 }
 
@@ -122,6 +129,7 @@ mod tests {
             names: vec!["a".to_owned(), "b".to_owned()],
             parents: vec![None, Some(0)],
             matrix: Mat::from_fn(2, 5, value),
+            space: None,
         }
     }
 
@@ -150,7 +158,7 @@ mod tests {
         };
         assert_eq!(error(&[&a], 1), "there are 1 regressors: a comparison needs two");
         assert_eq!(error(&[&a, &a], 9), "9 bands of 5 coefficients");
-        let map = FunctionalMap { source_from_target: Mat::zeros(9, 4) };
+        let map = FunctionalMap::without_spaces(Mat::zeros(9, 4));
         let error = carried_regressor(&a, &map).unwrap_err().to_string();
         assert_eq!(error, "the map is 9 x 4, but the regressor has 5 coefficients");
     }

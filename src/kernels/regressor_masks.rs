@@ -342,3 +342,112 @@ fn union(a: &[(u32, f64)], b: &[(u32, f64)]) -> Vec<u32> {
     res.dedup();
     res
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernels::{
+        adam_regressor::{RegressorEnergy, adam_regressor},
+        avril_regressor::avril_regressor,
+        convex_regressor::convex_regressor,
+        exact_regressor::exact_regressor,
+        shapes::{bumpy_sphere, rectangle},
+    };
+
+    type Found = Result<(Regressor, Vec<RowReport>), RegressorError>;
+
+    fn all_methods(
+        mesh: &TriMesh,
+        skeleton: &Skeleton,
+        weights: &SkinWeights,
+        options: &RegressorOptions,
+    ) -> [(&'static str, Found); 4] {
+        let energy = RegressorEnergy::PAPER;
+        [
+            ("exact", exact_regressor(mesh, skeleton, weights, options)),
+            ("convex", convex_regressor(mesh, skeleton, weights, options)),
+            ("avril", avril_regressor(mesh, skeleton, weights, options, 1e-3)),
+            ("adam", adam_regressor(mesh, skeleton, weights, options, &energy)),
+        ]
+    }
+
+    /// A root, a chest, and a joint that moves nothing.
+    fn rig(mesh: &TriMesh, place: impl Fn(Vec3) -> Vec3) -> (Skeleton, SkinWeights) {
+        let names = ["root", "chest", "idle"].map(str::to_owned).to_vec();
+        let positions = [[0.0, 0.0, -0.3], [0.02, 0.05, 0.1], [0.1, 0.0, 0.4]];
+        let positions = positions.map(|it| place(Vec3::from(it))).to_vec();
+        let skeleton = Skeleton::new(names, vec![None, Some(0), Some(1)], positions).unwrap();
+        let row = |it: &Vec3| {
+            let chest = (0.5 + it.z).clamp(0.0, 1.0);
+            vec![(1, chest), (0, 1.0 - chest)]
+        };
+        let rows: Vec<_> = mesh.vertices().iter().map(row).collect();
+        (skeleton, SkinWeights::from_rows(3, &rows).unwrap())
+    }
+
+    /// Everything is measured against the mesh: its size and its place do not matter, not even a
+    /// million times its size or a thousand times away.
+    #[test]
+    fn size_and_place_do_not_matter_and_a_joint_without_weights_gets_the_nearest_vertices() {
+        let mesh = bumpy_sphere(5);
+        let (_, weights) = rig(&mesh, |it| it);
+        for (scale, offset) in [(1.0, 0.0), (1e-6, 0.0), (1e6, 0.0), (1.0, 1e3)] {
+            let place = |it: Vec3| it * scale + Vec3::new(offset, offset, -offset);
+            let moved: Vec<Vec3> = mesh.vertices().iter().map(|it| place(*it)).collect();
+            let moved = mesh.with_vertices(moved).unwrap();
+            let (skeleton, _) = rig(&mesh, place);
+            let options = RegressorOptions::default();
+            for (method, found) in all_methods(&moved, &skeleton, &weights, &options) {
+                let (regressor, reports) = found.unwrap();
+                let sums = regressor.matrix.mul_vec(&vec![1.0; moved.n_vertices()]);
+                assert!(sums.iter().all(|it| (it - 1.0).abs() < 1e-9), "{method}: {sums:?}");
+                for report in &reports {
+                    assert!(report.residual < 0.02 * scale, "{method}, {scale}: {report:?}");
+                }
+                assert!(reports[2].n_fallbacks > 0, "{method}: {:?}", reports[2]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_root_may_take_the_vertices_that_it_shares_with_its_children() {
+        let mesh = bumpy_sphere(5);
+        let (skeleton, weights) = rig(&mesh, |it| it);
+        let options = RegressorOptions { root: RootRule::Children, ..Default::default() };
+        let (regressor, reports) = exact_regressor(&mesh, &skeleton, &weights, &options).unwrap();
+        assert_eq!(reports[0].rule, MaskRule::RootAndChildren { threshold: 0.0 });
+        for (vertex, _) in regressor.matrix.row(0) {
+            assert!(weights.get(vertex, 0) > 0.0 && weights.get(vertex, 1) > 0.0);
+        }
+        // A root without children falls back to the nearest.
+        let alone = Skeleton::new(vec!["a".to_owned()], vec![None], vec![Vec3::zeros()]).unwrap();
+        let rows = vec![vec![(0, 1.0)]; mesh.n_vertices()];
+        let weights = SkinWeights::from_rows(1, &rows).unwrap();
+        let (_, reports) = exact_regressor(&mesh, &alone, &weights, &options).unwrap();
+        assert_eq!(reports[0].rule, MaskRule::NearestMoved);
+    }
+
+    #[test]
+    fn flat_and_tiny_meshes_give_the_nearest_point_and_a_single_point_is_refused() {
+        let skeleton =
+            Skeleton::new(vec!["a".to_owned()], vec![None], vec![Vec3::new(0.4, 0.5, 0.2)])
+                .unwrap();
+        let options = RegressorOptions::default();
+        let weights = |n| SkinWeights::from_rows(1, &vec![vec![(0, 1.0)]; n]).unwrap();
+        let flat = rectangle(4, 4, 1.0, 1.0);
+        for (method, found) in all_methods(&flat, &skeleton, &weights(25), &options) {
+            let residual = found.unwrap().1[0].residual;
+            assert!((residual - 0.2).abs() < 0.02, "{method}: {residual}");
+        }
+        let triangle = TriMesh::new(vec![Vec3::zeros(), Vec3::x(), Vec3::y()], vec![[0, 1, 2]]);
+        for (method, found) in all_methods(&triangle.unwrap(), &skeleton, &weights(3), &options) {
+            let residual = found.unwrap().1[0].residual;
+            assert!((residual - 0.2).abs() < 0.02, "{method}: {residual}");
+        }
+        let point = TriMesh::from_points(vec![Vec3::x(); 5]).unwrap();
+        for (_, found) in all_methods(&point, &skeleton, &weights(5), &options) {
+            let message = found.unwrap_err().to_string();
+            assert_eq!(message, "all 5 vertices of the mesh lie at one point");
+        }
+    }
+}

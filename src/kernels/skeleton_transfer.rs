@@ -4,7 +4,7 @@ use faer::Mat;
 
 use super::{
     basis::Basis,
-    functional_map::{FunctionalMap, PointMap},
+    functional_map::{FunctionSpace, FunctionalMap, PointMap, WrongSpace},
     mesh::Vec3,
     regressor::{Regressor, SpectralRegressor},
     skeleton::{Skeleton, SkeletonError},
@@ -31,6 +31,8 @@ pub enum TransferError {
          not sum to one, or the map does not carry constants to constants"
     )]
     NotEquivariant { joint: String, factor: f64 },
+    #[error(transparent)]
+    WrongSpace(#[from] WrongSpace),
     #[error(transparent)]
     Skeleton(#[from] SkeletonError),
 }
@@ -69,6 +71,7 @@ pub fn spectral_regressor(
         names: regressor.names.clone(),
         parents: regressor.parents.clone(),
         matrix: spectral,
+        space: Some(FunctionSpace::of(source)),
     })
 }
 
@@ -85,6 +88,10 @@ pub fn transfer_by_functions(
     target: &Basis,
     target_vertices: &[Vec3],
 ) -> Result<Skeleton, TransferError> {
+    map.check_target(target)?;
+    if let (Some(spaces), Some(space)) = (&map.spaces, regressor.space) {
+        spaces.check_source(space)?;
+    }
     let map = &map.source_from_target;
     let source_k = regressor.matrix.ncols();
     if map.nrows() > source_k || map.ncols() > target.k() {
@@ -128,6 +135,7 @@ pub fn transfer_by_coordinates(
         let (regressor, basis) = (matrix.n_cols, source.n_vertices());
         return Err(TransferError::SourceVertices { regressor, basis });
     }
+    map.check_bases(source, target)?;
     let map = &map.source_from_target;
     if map.nrows() > source.k() || map.ncols() > target.k() {
         let (n_rows, n_cols) = (map.nrows(), map.ncols());
@@ -228,7 +236,7 @@ mod tests {
             let sign = source.eigenvectors[(0, 0)].signum() * target.eigenvectors[(0, 0)].signum();
             map[(i, 0)] = if i == 0 { sign } else { 0.0 };
         }
-        let map = FunctionalMap { source_from_target: map };
+        let map = FunctionalMap::without_spaces(map);
         let regressor = regressor(mesh.n_vertices());
         let spectral = spectral_regressor(&regressor, &source, 50).unwrap();
         for scale in [1.0, 1e-6, 1e6] {
@@ -239,6 +247,48 @@ mod tests {
             for (a, b) in functional.positions().iter().zip(farm.positions()) {
                 assert!((a - b).norm() < 1e-10 * scale, "{a} {b}");
             }
+        }
+    }
+
+    /// One surface at 92 and at 1442 vertices, with the map of their nearest vertices.
+    #[test]
+    fn a_target_of_fifteen_times_more_or_fewer_vertices_gets_the_same_joints() {
+        use crate::kernels::{
+            exact_regressor::{RegressorOptions, exact_regressor},
+            nearest::nearest_rows,
+            shapes::bumpy_sphere,
+            tall,
+            weights::SkinWeights,
+        };
+        const K: usize = 20;
+        let (coarse, fine) = (bumpy_sphere(3), bumpy_sphere(12));
+        let joint = Vec3::new(0.05, 0.1, 0.2);
+        let skeleton = Skeleton::new(vec!["a".to_owned()], vec![None], vec![joint]).unwrap();
+        for (from, to) in [(&coarse, &fine), (&fine, &coarse)] {
+            let rows = vec![vec![(0, 1.0)]; from.n_vertices()];
+            let weights = SkinWeights::from_rows(1, &rows).unwrap();
+            let options = RegressorOptions::default();
+            let (regressor, _) = exact_regressor(from, &skeleton, &weights, &options).unwrap();
+            let (source, target) = (basis_of(from, K), basis_of(to, K));
+            let points = |mesh: &super::super::mesh::TriMesh| {
+                Mat::from_fn(mesh.n_vertices(), 3, |row, axis| mesh.vertices()[row][axis])
+            };
+            let matches = nearest_rows(points(from).as_ref(), points(to).as_ref());
+            let psi = Mat::from_fn(matches.len(), K, |row, column| {
+                target.area().sqrt() * target.eigenvectors[(matches[row] as usize, column)]
+            });
+            let mut map = tall::mass_products(source.truncated(K), &source.mass, psi.as_ref())
+                * faer::Scale(1.0 / source.area().sqrt());
+            (1..K).for_each(|row| map[(row, 0)] = 0.0);
+            let map = FunctionalMap { source_from_target: map };
+            let spectral = spectral_regressor(&regressor, &source, K).unwrap();
+            let found = transfer_by_functions(&spectral, &map, &target, to.vertices()).unwrap();
+            let error = (found.positions()[0] - joint).norm();
+            assert!(error < 0.05, "{error} of a body of 3");
+            let matches = PointMap { target_of_source: matches, n_target: to.n_vertices() };
+            let found = transfer_by_points(&regressor, &matches, to.vertices()).unwrap();
+            let error = (found.positions()[0] - joint).norm();
+            assert!(error < 0.1, "{error} of a body of 3");
         }
     }
 }

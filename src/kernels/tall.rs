@@ -8,11 +8,12 @@ use faer::diag::Diag;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_scratch};
 use faer::linalg::matmul::matmul;
+use faer::linalg::svd::{ComputeSvdVectors, svd, svd_scratch};
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
-/// Rows of a chunk: eight columns of doubles are 256 KiB.
-const CHUNK: usize = 4096;
+/// Rows that are worked on at a time: eight columns of doubles are 256 KiB.
+pub const CHUNK: usize = 4096;
 
 /// `A^T B` for `A` of `n x p` and `B` of `n x q`: a `p x q` matrix of inner products.
 ///
@@ -98,6 +99,26 @@ pub fn symmetric_eigen(matrix: MatRef<'_, f64>) -> Option<(Vec<f64>, Mat<f64>)> 
     Some((values.column_vector().iter().copied().collect(), vectors))
 }
 
+/// The matrix with orthonormal columns (rows, if it is wide) that is nearest to a small one: `U V^T` of
+/// its singular value decomposition `U S V^T`; `None` if it is not finite.
+///
+/// On the calling thread, for the same reason as [`symmetric_eigen`].
+pub fn nearest_orthogonal(matrix: MatRef<'_, f64>) -> Option<Mat<f64>> {
+    if !matrix.is_all_finite() {
+        return None;
+    }
+    let (n_rows, n_cols) = (matrix.nrows(), matrix.ncols());
+    let (size, thin) = (n_rows.min(n_cols), ComputeSvdVectors::Thin);
+    let scratch = svd_scratch::<f64>(n_rows, n_cols, thin, thin, Par::Seq, Default::default());
+    let mut memory = MemBuffer::new(scratch);
+    let (mut u, mut v) = (Mat::zeros(n_rows, size), Mat::zeros(n_cols, size));
+    let mut values = Diag::zeros(size);
+    let (u_mut, v_mut) = (Some(u.as_mut()), Some(v.as_mut()));
+    let stack = MemStack::new(&mut memory);
+    svd(matrix, values.as_mut(), u_mut, v_mut, Par::Seq, stack, Default::default()).ok()?;
+    Some(small_product(u.as_ref(), v.transpose()))
+}
+
 /// Calls `work` with the first row and the rows of every chunk of `target`, in parallel.
 pub fn for_each_chunk(target: MatMut<'_, f64>, work: impl Fn(usize, MatMut<'_, f64>) + Sync) {
     let mut chunks = Vec::with_capacity(target.nrows().div_ceil(CHUNK));
@@ -133,6 +154,27 @@ mod tests {
 
     fn filled(n_rows: usize, n_cols: usize) -> Mat<f64> {
         Mat::from_fn(n_rows, n_cols, |row, col| ((row * 7 + col * 13) % 31) as f64 - 15.0)
+    }
+
+    /// `Q R` with a positive definite symmetric `R` is the polar decomposition, whose `Q` is nearest.
+    #[test]
+    fn the_nearest_orthogonal_matrix_is_the_polar_factor() {
+        for (n_rows, n_cols) in [(5, 5), (7, 4), (4, 7)] {
+            let matrix = filled(n_rows, n_cols);
+            let found = nearest_orthogonal(matrix.as_ref()).unwrap();
+            let (tall, rest) = if n_rows < n_cols {
+                (found.transpose().to_owned(), &matrix * found.transpose())
+            } else {
+                (found.clone(), found.transpose() * &matrix)
+            };
+            let size = tall.ncols();
+            let gram = tall.transpose() * &tall - Mat::<f64>::identity(size, size);
+            assert!(gram.norm_max() < 1e-13);
+            assert!((&rest - rest.transpose()).norm_max() < 1e-11);
+            let (values, _) = symmetric_eigen(rest.as_ref()).unwrap();
+            assert!(values.iter().all(|it| *it > -1e-11), "{values:?}");
+        }
+        assert!(nearest_orthogonal(Mat::from_fn(2, 2, |_, _| f64::NAN).as_ref()).is_none());
     }
 
     /// Small integers add up exactly in any order, so chunked and plain products are equal.

@@ -64,7 +64,7 @@ impl DescriptorsNode {
 impl Node for DescriptorsNode {
     const SPEC: Spec = Spec {
         kind: "descriptors",
-        version: 1,
+        version: 2,
         inputs: &[Self::BASIS.port(), Self::LANDMARKS.port()],
         outputs: &[Self::DESCRIPTORS.port()],
         cites: &["aubry2011wave", "sun2009concise", "musoni2021functional"],

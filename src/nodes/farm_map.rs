@@ -85,7 +85,7 @@ impl FarmMap {
         FarmOptions {
             k_source: self.k_source,
             k_target: self.k_target,
-            fit: FitOptions { k, descriptors, commutativity, laplacian },
+            fit: FitOptions { k, descriptors, commutativity, laplacian, ..FitOptions::default() },
             icp_rounds: self.icp_rounds,
             boosts: self.boosts.clone(),
             orthogonality: self.orthogonality,
@@ -96,7 +96,7 @@ impl FarmMap {
 impl Node for FarmMap {
     const SPEC: Spec = Spec {
         kind: "farm_map",
-        version: 1,
+        version: 2,
         inputs: &[
             Self::SOURCE_BASIS.port(),
             Self::TARGET_BASIS.port(),

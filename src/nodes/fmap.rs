@@ -4,16 +4,32 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
+use crate::kernels::adam::AdamOptions;
 use crate::kernels::basis::Basis;
 use crate::kernels::descriptors::Descriptors;
-use crate::kernels::fmap::{FitOptions, fit_functional_map};
+use crate::kernels::fmap::{FitOptions, Solver, fit_functional_map};
 use crate::kernels::functional_map::FunctionalMap;
 
-/// Fits a small functional map to the descriptors of two shapes, exactly.
+/// How the minimum of the energy is looked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FmapSolver {
+    /// By one factorization: the minimum itself.
+    #[default]
+    Exact,
+    /// By steps of Adam from zero, which stop above the minimum: the demo's way.
+    Adam,
+}
+
+/// Fits a small functional map to the descriptors of two shapes.
 ///
 /// The map carries functions on the target to functions on the source. Its energy weighs preserved
 /// descriptors, commutativity with multiplication by descriptors, and commutativity with the
-/// Laplacians; being quadratic, it is solved by one factorization. Refine the result with `zoomout`.
+/// Laplacians; being quadratic, it is solved by one factorization. Refine the result with `zoomout`,
+/// and with `icp_refine` before.
+///
+/// The demo of Musoni et al. 2021 is `solver = "adam"`, `commutativity = 0`, `laplacian = 2e-8` and
+/// `normalized_gaps = false`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Fmap {
@@ -29,12 +45,34 @@ pub struct Fmap {
     /// The weight of commutativity with the Laplacians.
     #[schemars(range(min = 0.0))]
     pub laplacian: f64,
+    /// Divide the squared gaps between both spectra, which weigh the entries of the map, by their sum.
+    /// Without, `laplacian` must be about a billion times smaller.
+    pub normalized_gaps: bool,
+    /// How the minimum is looked for.
+    pub solver: FmapSolver,
+    /// With `adam`: the number of steps.
+    #[schemars(range(min = 1, max = 1000000))]
+    pub steps: usize,
+    /// With `adam`: how far an entry goes in the first step.
+    #[schemars(range(min = 0.0))]
+    pub learning_rate: f64,
 }
 
 impl Default for Fmap {
     fn default() -> Self {
-        let FitOptions { k, descriptors, commutativity, laplacian } = FitOptions::default();
-        Self { k, descriptors, commutativity, laplacian }
+        let FitOptions { k, descriptors, commutativity, laplacian, normalized_gaps, .. } =
+            FitOptions::default();
+        let AdamOptions { n_steps, learning_rate, .. } = AdamOptions::default();
+        Self {
+            k,
+            descriptors,
+            commutativity,
+            laplacian,
+            normalized_gaps,
+            solver: FmapSolver::default(),
+            steps: n_steps,
+            learning_rate,
+        }
     }
 }
 
@@ -52,7 +90,7 @@ impl Fmap {
 impl Node for Fmap {
     const SPEC: Spec = Spec {
         kind: "fmap",
-        version: 1,
+        version: 2,
         inputs: &[
             Self::SOURCE_BASIS.port(),
             Self::TARGET_BASIS.port(),
@@ -97,6 +135,15 @@ k = 15
             descriptors: self.descriptors,
             commutativity: self.commutativity,
             laplacian: self.laplacian,
+            normalized_gaps: self.normalized_gaps,
+            solver: match self.solver {
+                FmapSolver::Exact => Solver::Exact,
+                FmapSolver::Adam => Solver::Adam(AdamOptions {
+                    n_steps: self.steps,
+                    learning_rate: self.learning_rate,
+                    ..AdamOptions::default()
+                }),
+            },
         };
         io.put(Self::MAP, fit_functional_map((&source, &g), (&target, &f), &options)?);
         Ok(())

@@ -7,14 +7,17 @@ mod check;
 mod clean;
 mod command;
 mod compare_regressors;
+mod correspondences;
 mod decimate;
 mod deformation_error;
 mod degrade;
 mod descriptors;
 mod download;
 mod eigs;
+mod embed;
 mod farm_map;
 mod fmap;
+mod icp_refine;
 mod joint_error;
 mod landmark_error;
 mod landmarks;
@@ -24,20 +27,25 @@ mod load;
 mod load_motion;
 mod load_skeleton;
 mod make_body;
+mod map_quality;
 mod normalize;
 mod plot;
 mod point_cloud;
+mod point_map;
 mod pose;
 mod python;
 mod regressor;
 mod regressor_image;
 mod remesh;
+mod retarget;
 mod rig;
 mod rooted_skeleton;
 mod simplify_skeleton;
 mod skeletonize;
+mod skin_weights;
 mod snapshot;
 mod spectral_regressor;
+mod ssdr;
 mod subdivide;
 mod synthesize;
 mod table;
@@ -53,14 +61,17 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<clean::Clean>(),
     NodeKind::open::<command::Command>(),
     NodeKind::of::<compare_regressors::CompareRegressors>(),
+    NodeKind::of::<correspondences::CorrespondencesNode>(),
     NodeKind::of::<decimate::Decimate>(),
     NodeKind::of::<deformation_error::DeformationErrorNode>(),
     NodeKind::of::<degrade::Degrade>(),
     NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
     NodeKind::of::<eigs::Eigs>(),
+    NodeKind::of::<embed::EmbedNode>(),
     NodeKind::of::<farm_map::FarmMap>(),
     NodeKind::of::<fmap::Fmap>(),
+    NodeKind::of::<icp_refine::IcpRefine>(),
     NodeKind::of::<joint_error::JointError>(),
     NodeKind::of::<landmark_error::LandmarkError>(),
     NodeKind::of::<landmarks::LandmarksNode>(),
@@ -70,20 +81,25 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<load_motion::LoadMotion>(),
     NodeKind::of::<load_skeleton::LoadSkeleton>(),
     NodeKind::of::<make_body::MakeBody>(),
+    NodeKind::of::<map_quality::MapQuality>(),
     NodeKind::of::<normalize::Normalize>(),
     NodeKind::of::<plot::Plot>(),
     NodeKind::of::<point_cloud::PointCloud>(),
+    NodeKind::of::<point_map::PointMapNode>(),
     NodeKind::of::<pose::PoseNode>(),
     NodeKind::open_labelled::<python::Python>(),
     NodeKind::of::<regressor::RegressorNode>(),
     NodeKind::of::<regressor_image::RegressorImage>(),
     NodeKind::of::<remesh::Remesh>(),
+    NodeKind::of::<retarget::RetargetNode>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<rooted_skeleton::RootedSkeleton>(),
     NodeKind::of::<simplify_skeleton::SimplifySkeleton>(),
     NodeKind::of::<skeletonize::Skeletonize>(),
+    NodeKind::of::<skin_weights::SkinWeightsNode>(),
     NodeKind::of::<snapshot::Snapshot>(),
     NodeKind::of::<spectral_regressor::SpectralRegressorNode>(),
+    NodeKind::of::<ssdr::SsdrNode>(),
     NodeKind::of::<subdivide::Subdivide>(),
     NodeKind::of::<synthesize::Synthesize>(),
     NodeKind::of::<table::TableNode>(),

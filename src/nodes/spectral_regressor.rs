@@ -33,7 +33,7 @@ impl SpectralRegressorNode {
 impl Node for SpectralRegressorNode {
     const SPEC: Spec = Spec {
         kind: "spectral_regressor",
-        version: 1,
+        version: 2,
         inputs: &[Self::REGRESSOR.port(), Self::SOURCE_BASIS.port()],
         outputs: &[Self::SPECTRAL.port()],
         cites: &["musoni2021functional"],

@@ -9,7 +9,7 @@ use super::{FindError, Tests};
 use crate::kernels::landmarks::Landmarks;
 use crate::kernels::mesh::Vec3;
 
-/// Least values of the tests, see [`super`].
+/// Least values of the tests; measured bodies are far above, other shapes below.
 const LEAST_FRONT: f64 = 0.45;
 const LEAST_GIVEN_FRONT: f64 = 0.3;
 const LEAST_SIDE_MARGIN: f64 = 0.01;

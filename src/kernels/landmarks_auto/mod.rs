@@ -119,7 +119,7 @@ pub enum FindError {
 /// Finds landmarks of a body: its protrusions, and two points of the torso, left and right told apart.
 ///
 /// What sticks out are persistent maxima of the mean distance along the surface; which is which
-/// follows from the distances between them ([`roles`]), whatever the pose. Left and right then
+/// follows from the distances between them (`roles.rs`), whatever the pose. Left and right then
 /// follow from front and up in space: `left = up x front`. The front of a biped is where its feet
 /// point, carried up the legs, and where its knees bend to; that of a quadruped, where its head is.
 ///

@@ -7,7 +7,7 @@ use faer::Mat;
 
 use super::{
     basis::Basis,
-    functional_map::FunctionalMap,
+    functional_map::{FunctionalMap, WrongSpace},
     mesh::TriMesh,
     tall,
     weights::{SkinWeights, WeightsError},
@@ -76,8 +76,9 @@ impl Default for TransferWeightsOptions {
 
 /// How much positions (at total area one) count beside eigenfunctions (whose mean square is one).
 ///
-/// Between 10 and 100 nothing changes; below, places that the map confuses are confused.
-const POSITION_WEIGHT: f64 = 30.0;
+/// At 30, places that the map confuses are confused between wolf and fox; at 1000, parts that touch in
+/// space mix again.
+const POSITION_WEIGHT: f64 = 300.0;
 
 /// Why weights cannot be transferred.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -89,6 +90,8 @@ pub enum TransferWeightsError {
          the target basis {target_k}"
     )]
     MapShape { n_rows: usize, n_cols: usize, source_k: usize, target_k: usize },
+    #[error(transparent)]
+    WrongSpace(#[from] WrongSpace),
     #[error(transparent)]
     Weights(#[from] WeightsError),
 }
@@ -113,6 +116,7 @@ pub fn transfer_weights(
 ) -> Result<SkinWeights, TransferWeightsError> {
     let (source, weights, source_mesh) = source;
     let (target, mesh) = target;
+    map.check_bases(source, target)?;
     let map = &map.source_from_target;
     let source_count = source_mesh.map_or(source.n_vertices(), TriMesh::n_vertices);
     for (side, basis, found, what) in [
@@ -254,7 +258,7 @@ mod tests {
         assert!(signed_volume(&mesh) > 0.0);
         let basis = basis_of(&mesh, 80);
         let weights = blended(&mesh);
-        let map = FunctionalMap { source_from_target: Mat::identity(80, 80) };
+        let map = FunctionalMap::without_spaces(Mat::identity(80, 80));
         let source = (&basis, &weights, Some(&mesh));
         let run = |target: &TriMesh, options: &TransferWeightsOptions| {
             transfer_weights(source, (&basis, target), &map, options)
@@ -289,7 +293,7 @@ mod tests {
             (value * target.eigenvectors[(order[vertex] as usize, it)]).signum()
         };
         let signs = Mat::from_fn(60, 60, |i, j| if i == j { sign(i) } else { 0.0 });
-        let map = FunctionalMap { source_from_target: signs };
+        let map = FunctionalMap::without_spaces(signs);
         let weights = blended(&mesh);
         for matching in [Matching::Positions, Matching::Functions, Matching::Both] {
             let options = TransferWeightsOptions { matching, smoothing: 0, ..Default::default() };
