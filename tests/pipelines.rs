@@ -146,6 +146,18 @@ fn real_shapes_get_skeletons_as_good_as_the_readme_says() {
 }
 
 #[test]
+fn an_embedded_skeleton_is_near_the_true_one() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), "embed.toml", &["--set", "n_vertices=2000"]);
+    let out = folder.path().join("out/embed");
+    let means = column(&out.join("error.csv"), "mean of height");
+    assert!(means[0] < 6.0, "{means:?} % of the height");
+    let matched = column(&out.join("joints.csv"), "matched");
+    assert!(matched.len() == 22 && matched.iter().sum::<f64>() >= 20.0, "{matched:?}");
+    assert!(fs::read(out.join("target.glb")).unwrap().starts_with(b"glTF"));
+}
+
+#[test]
 fn every_pipeline_is_right() {
     let has_corpus = root().join("../shared/data/humans_posed").is_dir();
     let mut n_checked = 0;

@@ -27,6 +27,7 @@ pub struct SsdrNode {
     /// The most bones that move a vertex.
     #[schemars(range(min = 1, max = 64))]
     pub max_influences: usize,
+    /// The most rounds of fitting motions, then weights.
     #[schemars(range(min = 1, max = 10_000))]
     pub max_iterations: usize,
     /// Stop when the error falls by less than this share of itself…

@@ -70,7 +70,6 @@ impl Motions {
                     for (other, products) in &sums.pairs[bone] {
                         target -= own[*other] * products;
                     }
-                    target += block(&sums.affine_targets, frame, bone);
                     if let Some(fitted) = fit(&target, &sums.moments[bone]) {
                         own[bone] = fitted;
                     }
@@ -116,10 +115,8 @@ fn fit(target: &Matrix3x4, moments: &Matrix4<f64>) -> Option<Matrix3x4> {
 
 /// What vertices say about bones, for fixed weights.
 struct Sums {
-    /// `3T x 4B`: `sum_i w_ij v_i u_i^T`.
+    /// `3T x 4B`: `sum_i w_ij v_i u_i^T`, with the affinity's share.
     targets: Mat<f64>,
-    /// The same with the affinity's weights.
-    affine_targets: Mat<f64>,
     /// `sum_i w_ij^2 u_i u_i^T`, with the affinity's share.
     moments: Vec<Matrix4<f64>>,
     /// For every bone, the others that share vertices with it: `sum_i w_ij w_il u_i u_i^T`.
@@ -150,13 +147,11 @@ impl Sums {
             .collect();
         let mut moments: Vec<Matrix4<f64>> =
             (0..n_bones).map(|it| products[it * n_bones + it]).collect();
-        if affinity > 0.0 {
-            for (row, u) in rows.iter().zip(&moving.rest) {
-                let u = nalgebra::Vector4::from(*u);
-                for &(bone, weight) in row {
-                    let pull = pulls[bone as usize] * weight.powi(4);
-                    moments[bone as usize] += u * u.transpose() * pull;
-                }
+        for (row, u) in rows.iter().zip(&moving.rest) {
+            let u = nalgebra::Vector4::from(*u);
+            for &(bone, weight) in row {
+                let pull = pulls[bone as usize] * weight.powi(4);
+                moments[bone as usize] += u * u.transpose() * pull;
             }
         }
         let pairs = (0..n_bones)
@@ -165,17 +160,9 @@ impl Sums {
                 others.map(|b| (b, products[a * n_bones + b])).collect()
             })
             .collect();
-        let targets = targets(moving, rows, n_bones, &|_, weight| weight);
-        let affine_targets = match affinity > 0.0 {
-            true => targets_of_affinity(moving, rows, &pulls),
-            false => Mat::zeros(targets.nrows(), targets.ncols()),
-        };
-        Self { targets, affine_targets, moments, pairs }
+        let factor = |bone: usize, weight: f64| weight + pulls[bone] * weight.powi(4);
+        Self { targets: targets(moving, rows, n_bones, &factor), moments, pairs }
     }
-}
-
-fn targets_of_affinity(moving: &Moving, rows: &[Row], pulls: &[f64]) -> Mat<f64> {
-    targets(moving, rows, pulls.len(), &|bone, weight| pulls[bone] * weight.powi(4))
 }
 
 /// `sum_i f(w_ij) v_i u_i^T` for all frames and bones, some frames a task.
