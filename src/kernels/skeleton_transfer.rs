@@ -280,7 +280,7 @@ mod tests {
             let mut map = tall::mass_products(source.truncated(K), &source.mass, psi.as_ref())
                 * faer::Scale(1.0 / source.area().sqrt());
             (1..K).for_each(|row| map[(row, 0)] = 0.0);
-            let map = FunctionalMap { source_from_target: map };
+            let map = FunctionalMap::without_spaces(map);
             let spectral = spectral_regressor(&regressor, &source, K).unwrap();
             let found = transfer_by_functions(&spectral, &map, &target, to.vertices()).unwrap();
             let error = (found.positions()[0] - joint).norm();

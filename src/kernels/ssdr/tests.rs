@@ -1,6 +1,5 @@
 use super::*;
 use crate::kernels::mesh::TriMesh;
-use crate::kernels::random::Random;
 use crate::kernels::shapes::{bumpy_sphere, moved, union};
 use crate::kernels::skinning::{blend, skin};
 use crate::kernels::synthesize::{SynthesizeOptions, synthesize};
