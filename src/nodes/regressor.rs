@@ -20,11 +20,12 @@ use crate::kernels::weights::SkinWeights;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RegressorMethod {
-    /// From those around the joint, so that it stays right while the rig is posed, in closed form.
-    #[default]
-    Posed,
     /// The row of least norm that meets the joint, in closed form.
+    #[default]
     Exact,
+    /// From those around the joint, so that it stays right while the rig is posed, in closed form. Better
+    /// than `exact` where matches are exact, as good where they are not.
+    Posed,
     /// The paper's: 1000 steps of Adam from zero. All vertices take part, those outside of the mask at a
     /// cost. `energy` says at which.
     Adam,
