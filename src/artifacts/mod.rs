@@ -2,6 +2,7 @@
 
 mod basis;
 mod clip;
+mod depth_video;
 mod descriptors;
 mod figure;
 mod files;
@@ -10,6 +11,7 @@ mod image;
 mod landmarks;
 mod matrix;
 mod mesh;
+mod mesh_sequence;
 mod npz;
 mod operator;
 mod point_map;
@@ -37,6 +39,7 @@ pub use rig::Rig;
 pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::basis::Basis>(),
     ArtifactKind::of::<kernels::clip::Clip>(),
+    ArtifactKind::of::<kernels::depth::DepthVideo>(),
     ArtifactKind::of::<kernels::descriptors::Descriptors>(),
     ArtifactKind::of::<kernels::figure::Figure>(),
     ArtifactKind::of::<kernels::files::FileSet>(),
@@ -44,6 +47,7 @@ pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::image::Image>(),
     ArtifactKind::of::<kernels::landmarks::Landmarks>(),
     ArtifactKind::of::<kernels::mesh::TriMesh>(),
+    ArtifactKind::of::<kernels::mesh_sequence::MeshSequence>(),
     ArtifactKind::of::<kernels::operator::Operator>(),
     ArtifactKind::of::<kernels::functional_map::PointMap>(),
     ArtifactKind::of::<kernels::regressor::Regressor>(),

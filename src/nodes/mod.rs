@@ -6,6 +6,7 @@ mod check;
 mod clean;
 mod command;
 mod decimate;
+mod depth_mesh;
 mod descriptors;
 mod download;
 mod eigs;
@@ -14,13 +15,19 @@ mod joint_error;
 mod landmarks;
 mod laplacian;
 mod load;
+mod load_depth;
 mod make_body;
 mod normalize;
+mod nrr;
+mod pick_frame;
 mod plot;
 mod point_cloud;
 mod python;
+mod registration_error;
 mod regressor;
+mod render_depth;
 mod rig;
+mod segment;
 mod snapshot;
 mod spectral_regressor;
 mod subdivide;
@@ -37,6 +44,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<clean::Clean>(),
     NodeKind::open::<command::Command>(),
     NodeKind::of::<decimate::Decimate>(),
+    NodeKind::of::<depth_mesh::DepthMesh>(),
     NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
     NodeKind::of::<eigs::Eigs>(),
@@ -45,13 +53,19 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<landmarks::LandmarksNode>(),
     NodeKind::of::<laplacian::Laplacian>(),
     NodeKind::of::<load::Load>(),
+    NodeKind::of::<load_depth::LoadDepth>(),
     NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<normalize::Normalize>(),
+    NodeKind::of::<nrr::Nrr>(),
+    NodeKind::of::<pick_frame::PickFrame>(),
     NodeKind::of::<plot::Plot>(),
     NodeKind::of::<point_cloud::PointCloud>(),
     NodeKind::open_labelled::<python::Python>(),
+    NodeKind::of::<registration_error::RegistrationError>(),
     NodeKind::of::<regressor::RegressorNode>(),
+    NodeKind::of::<render_depth::RenderDepth>(),
     NodeKind::of::<rig::RigNode>(),
+    NodeKind::of::<segment::Segment>(),
     NodeKind::of::<snapshot::Snapshot>(),
     NodeKind::of::<spectral_regressor::SpectralRegressorNode>(),
     NodeKind::of::<subdivide::Subdivide>(),
