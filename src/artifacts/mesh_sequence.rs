@@ -35,7 +35,9 @@ impl Artifact for MeshSequence {
         let n_vertices = from.vector::<u64>("n_vertices")?;
         let rate = from.vector::<f64>("frames_per_second")?;
         let (&[n_vertices], &[rate]) = (&n_vertices[..], &rate[..]) else {
-            return Err(DecodeError::new("`n_vertices` and `frames_per_second` are one number each"));
+            return Err(DecodeError::new(
+                "`n_vertices` and `frames_per_second` are one number each",
+            ));
         };
         let n_vertices = usize::try_from(n_vertices).unwrap_or(0);
         if n_vertices == 0 || positions.len() % n_vertices != 0 {

@@ -33,7 +33,8 @@ pub struct Nrr {
     /// Outer iterations on each level.
     #[schemars(range(min = 1, max = 200))]
     pub iterations: usize,
-    /// The weight of smoothness against 1000 times the mean squared distance.
+    /// The weight of smoothness against 1000 times the mean squared distance (Transfer4D: 10; fast limbs
+    /// want less).
     #[schemars(range(min = 0.0001, max = 100_000.0))]
     pub smoothness: f64,
     /// The farthest that a frame's first pairs are apart; more follows faster motion.

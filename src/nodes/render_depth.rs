@@ -199,8 +199,7 @@ height = 120
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
         let (sequence, joints) = self.scene(io)?;
         let film = film(&sequence, &self.options(&sequence))?;
-        let joints =
-            joints.map(|it| move_sequence(&it, &film.camera_from_world)).transpose()?;
+        let joints = joints.map(|it| move_sequence(&it, &film.camera_from_world)).transpose()?;
         let n_empty = (0..film.video.n_frames())
             .filter(|it| film.video.frame(*it).iter().all(|it| *it == 0.0))
             .count();

@@ -52,7 +52,9 @@ pub enum FilesError {
     NoPictures,
     #[error("`{name}`: {error}")]
     Read { name: String, error: ReadError },
-    #[error("`{name}` has {width} x {height} pixels, but the first picture {first_width} x {first_height}")]
+    #[error(
+        "`{name}` has {width} x {height} pixels, but the first picture {first_width} x {first_height}"
+    )]
     Size { name: String, width: usize, height: usize, first_width: usize, first_height: usize },
     #[error("the camera's `{name}` is not known: give it, or a file of notes that has it")]
     Unknown { name: &'static str },

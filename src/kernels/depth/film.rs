@@ -68,8 +68,7 @@ pub fn film(sequence: &MeshSequence, options: &FilmOptions) -> Result<Film, Film
         }
     };
     let frames = (0..truth.n_frames()).into_par_iter().map(shoot).collect();
-    let video =
-        DepthVideo::new(size, options.intrinsics, sequence.frames_per_second(), frames)?;
+    let video = DepthVideo::new(size, options.intrinsics, sequence.frames_per_second(), frames)?;
     Ok(Film { video, truth, camera_from_world })
 }
 

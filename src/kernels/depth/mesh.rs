@@ -8,7 +8,9 @@ use crate::kernels::mesh::{TriMesh, Vec3};
 pub enum DepthMeshError {
     #[error("frame {frame} was asked for, but the video has {n_frames} frames")]
     Frame { frame: usize, n_frames: usize },
-    #[error("frame {frame} has {n_measured} measured pixels, and no three of them make a triangle with edges of at most {max_edge} m")]
+    #[error(
+        "frame {frame} has {n_measured} measured pixels, and no three of them make a triangle with edges of at most {max_edge} m"
+    )]
     NoFaces { frame: usize, n_measured: usize, max_edge: f64 },
 }
 

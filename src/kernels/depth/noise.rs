@@ -143,7 +143,8 @@ mod tests {
 
     #[test]
     fn edges_and_holes_are_lost() {
-        let depths: Vec<f32> = (0..10_000).map(|it| if it % 100 < 50 { 1.0 } else { 2.0 }).collect();
+        let depths: Vec<f32> =
+            (0..10_000).map(|it| if it % 100 < 50 { 1.0 } else { 2.0 }).collect();
         let model = NoiseModel { edge_loss: 1.0, holes: 0.0, ..NoiseModel::default() };
         let noisy = disturb(&depths, 100, &CAMERA, &model, &mut Random::new(1));
         let lost: Vec<usize> = (0..10_000).filter(|it| noisy[*it] == 0.0).collect();

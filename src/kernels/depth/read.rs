@@ -54,7 +54,8 @@ fn read_depth_png(bytes: &[u8], metres_per_unit: f64) -> Result<DepthPicture, Re
     if (color, bits) != (png::ColorType::Grayscale, png::BitDepth::Sixteen) {
         return Err(wrong(format!("depths are 16-bit grey, but this is {bits:?}-bit {color:?}")));
     }
-    let size = reader.output_buffer_size().ok_or_else(|| wrong("the picture is too large".into()))?;
+    let size =
+        reader.output_buffer_size().ok_or_else(|| wrong("the picture is too large".into()))?;
     let mut data = vec![0; size];
     reader.next_frame(&mut data).map_err(|e| wrong(e.to_string()))?;
     let metres = |it: &[u8; 2]| (f64::from(u16::from_be_bytes(*it)) * metres_per_unit) as f32;

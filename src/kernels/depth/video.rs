@@ -166,6 +166,11 @@ mod tests {
         check(CAMERA, [2, 2], two, "frame 1 has 6 pixels instead of 2 x 2");
         let nan = vec![vec![1.0, 1.0, 1.0, f32::NAN]];
         check(CAMERA, [2, 2], nan, "frame 0, pixel (1, 1): the depth is NaN");
-        check(CAMERA, [0, 2], vec![vec![]], "0 x 2 pixels are no picture of 2 to 16384 pixels a side");
+        check(
+            CAMERA,
+            [0, 2],
+            vec![vec![]],
+            "0 x 2 pixels are no picture of 2 to 16384 pixels a side",
+        );
     }
 }

@@ -107,9 +107,7 @@ pub fn target_to_source(
 ) -> (Vec<Pair>, f64) {
     let visible: Vec<(u32, Vec3)> = (0_u32..)
         .zip(places)
-        .filter(|(_, (vertex, place))| {
-            seen.sees(target, *vertex as usize, place, limits.occlusion)
-        })
+        .filter(|(_, (vertex, place))| seen.sees(target, *vertex as usize, place, limits.occlusion))
         .map(|(sample, (_, place))| (sample, *place))
         .collect();
     let tree = PointTree::new(&visible.iter().map(|it| it.1).collect::<Vec<_>>());
@@ -130,12 +128,11 @@ pub fn target_to_source(
         let Some(&(square, index)) = found.first() else { return Some(None) };
         let (sample, _) = visible[index as usize];
         let vertex = places[sample as usize].0 as usize;
-        let is_good = square.sqrt() <= limits.distance
-            && normal.dot(&seen.normals[vertex]) >= limits.cosine;
+        let is_good =
+            square.sqrt() <= limits.distance && normal.dot(&seen.normals[vertex]) >= limits.cosine;
         Some(is_good.then_some(Pair { sample, point, normal, weight }))
     };
-    let found: Vec<Option<Option<Pair>>> =
-        looked.par_iter().with_min_len(256).map(find).collect();
+    let found: Vec<Option<Option<Pair>>> = looked.par_iter().with_min_len(256).map(find).collect();
     let n_bare = found.iter().filter(|it| it.is_some()).count();
     let coverage = 1.0 - n_bare as f64 / looked.len().max(1) as f64;
     (found.into_iter().flatten().flatten().collect(), coverage)

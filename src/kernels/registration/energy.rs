@@ -212,8 +212,7 @@ mod tests {
     fn the_pull_is_the_negative_gradient_of_the_energy() {
         let grid = shapes::rectangle(12, 12, 1.0, 1.0);
         let may_hold = vec![true; grid.n_vertices()];
-        let graph =
-            DeformationGraph::new(grid.vertices(), grid.faces(), &may_hold, 0.3).unwrap();
+        let graph = DeformationGraph::new(grid.vertices(), grid.faces(), &may_hold, 0.3).unwrap();
         let samples: Vec<u32> = (0..grid.n_vertices() as u32).collect();
         let mut random = Random::new(7);
         let n_unknowns = 6 * graph.n_nodes();
@@ -230,12 +229,8 @@ mod tests {
             })
             .collect();
         let terms = Terms { data: 1000.0, smooth: 10.0, plane: 0.9, huber: 0.02 };
-        let posed = Posed {
-            graph: &graph,
-            nodes: &graph.nodes,
-            rest: grid.vertices(),
-            samples: &samples,
-        };
+        let posed =
+            Posed { graph: &graph, nodes: &graph.nodes, rest: grid.vertices(), samples: &samples };
         let pattern = Pattern::new(&graph, &samples);
         let (blocks, b) = posed.normal_equations(&pattern, &motion, &pairs, &terms);
         let step = 1e-6;

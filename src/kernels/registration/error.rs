@@ -106,7 +106,11 @@ type Tie = ([u32; 3], [f64; 3]);
 /// Faces around a vertex that are looked at.
 const N_CANDIDATES: usize = 48;
 
-fn tie(tracked: &MeshSequence, truth: &MeshSequence, source: usize) -> Result<Vec<Tie>, ErrorError> {
+fn tie(
+    tracked: &MeshSequence,
+    truth: &MeshSequence,
+    source: usize,
+) -> Result<Vec<Tie>, ErrorError> {
     let n_vertices = tracked.n_vertices();
     if truth.n_vertices() == n_vertices {
         return Ok((0..n_vertices as u32).map(|it| ([it; 3], [1.0, 0.0, 0.0])).collect());
@@ -138,9 +142,11 @@ fn place(vertices: &[Vec3], (face, shares): &Tie) -> Vec3 {
 }
 
 fn true_error(vertices: &[Vec3], truth: &MeshSequence, frame: usize, ties: &[Tie]) -> (f64, f64) {
-    let distances = vertices.iter().zip(ties).map(|(vertex, tie)| {
-        (place(truth.frame(frame), tie) - vertex).norm()
-    });
-    let (sum, max) = distances.fold((0.0, 0.0), |(sum, max): (f64, f64), it| (sum + it, max.max(it)));
+    let distances = vertices
+        .iter()
+        .zip(ties)
+        .map(|(vertex, tie)| (place(truth.frame(frame), tie) - vertex).norm());
+    let (sum, max) =
+        distances.fold((0.0, 0.0), |(sum, max): (f64, f64), it| (sum + it, max.max(it)));
     (sum / vertices.len() as f64, max)
 }

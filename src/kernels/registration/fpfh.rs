@@ -76,9 +76,8 @@ mod tests {
         let turned: Vec<Vec3> = normals.iter().map(|it| rotation * it).collect();
         let after = describe(&moved, &turned, 0.4);
         // A value on the border of two bins may change sides, so most and not all are equal.
-        let is_same = |(a, b): &(&[f64; 33], &[f64; 33])| {
-            a.iter().zip(*b).all(|(a, b)| (a - b).abs() < 1e-9)
-        };
+        let is_same =
+            |(a, b): &(&[f64; 33], &[f64; 33])| a.iter().zip(*b).all(|(a, b)| (a - b).abs() < 1e-9);
         let n_same = before.iter().zip(&after).filter(|it| is_same(it)).count();
         assert!(n_same * 10 > before.len() * 9, "{n_same} of {}", before.len());
         assert!(before.iter().any(|it| (it[0] - before[0][0]).abs() > 1e-3));

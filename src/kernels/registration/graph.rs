@@ -254,8 +254,7 @@ mod tests {
     fn nodes_cover_a_surface_evenly() {
         let grid = shapes::rectangle(40, 30, 1.0, 0.75);
         let may_hold = vec![true; grid.n_vertices()];
-        let graph =
-            DeformationGraph::new(grid.vertices(), grid.faces(), &may_hold, 0.1).unwrap();
+        let graph = DeformationGraph::new(grid.vertices(), grid.faces(), &may_hold, 0.1).unwrap();
         for (index, node) in graph.nodes.iter().enumerate() {
             let others = graph.nodes[..index].iter();
             assert!(others.clone().all(|it| (it - node).norm() > 0.1));
@@ -277,8 +276,7 @@ mod tests {
         let sheet = shapes::rectangle(20, 20, 1.0, 1.0);
         let both = shapes::union(&sheet, &shapes::moved(&sheet, Vec3::z() * 0.12));
         let may_hold = vec![true; both.n_vertices()];
-        let graph =
-            DeformationGraph::new(both.vertices(), both.faces(), &may_hold, 0.1).unwrap();
+        let graph = DeformationGraph::new(both.vertices(), both.faces(), &may_hold, 0.1).unwrap();
         for (vertex, skin) in graph.skin.iter().enumerate() {
             let is_upper = vertex >= sheet.n_vertices();
             for (node, weight) in skin {

@@ -34,7 +34,10 @@ pub fn relocalize(
     let middle = |it: &[Vec3]| it.iter().sum::<Vec3>() / it.len() as f64;
     let shift = middle(&aim.0) - middle(&source.0);
     let mut candidates = vec![(Rotation3::identity(), shift)];
-    let pairs = mutual(&describe(&source.0, &source.1, 0.15 * scale), &describe(&aim.0, &aim.1, 0.15 * scale));
+    let pairs = mutual(
+        &describe(&source.0, &source.1, 0.15 * scale),
+        &describe(&aim.0, &aim.1, 0.15 * scale),
+    );
     let pairs: Vec<(Vec3, Vec3)> = pairs.iter().map(|it| (source.0[it.0], aim.0[it.1])).collect();
     candidates.extend(ransac(&pairs, 0.05 * scale, seed));
     let fit = |(rotation, shift): &(Rotation3<f64>, Vec3)| {

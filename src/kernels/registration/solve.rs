@@ -42,8 +42,7 @@ impl Level<'_> {
             let (mut pairs, _) = source_to_target(self.target, &seen, &places, limits);
             if self.reverse > 0.0 {
                 let weight = self.reverse;
-                let more =
-                    target_to_source(self.target, &seen, &places, limits, weight, N_REVERSE);
+                let more = target_to_source(self.target, &seen, &places, limits, weight, N_REVERSE);
                 pairs.extend(more.0);
             }
             let before = self.posed.energy(&motion, &pairs, &self.terms);

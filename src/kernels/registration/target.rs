@@ -35,7 +35,8 @@ impl Target {
         let raw = video.frame(frame);
         let depths = smooth(raw, width, gate as f32, smoothing);
         let points = unproject(&depths, width, &camera);
-        let measured: Vec<u32> = (0..raw.len() as u32).filter(|it| raw[*it as usize] > 0.0).collect();
+        let measured: Vec<u32> =
+            (0..raw.len() as u32).filter(|it| raw[*it as usize] > 0.0).collect();
         let mut pixels = vec![Pixel::Nothing; raw.len()];
         let mut normals = vec![Vec3::zeros(); raw.len()];
         for &pixel in &measured {
@@ -55,8 +56,7 @@ impl Target {
             return None;
         }
         let [u, v] = self.camera.project(point).map(f64::round);
-        let is_inside =
-            u >= 0.0 && v >= 0.0 && u < self.width as f64 && v < self.height as f64;
+        let is_inside = u >= 0.0 && v >= 0.0 && u < self.width as f64 && v < self.height as f64;
         is_inside.then(|| v as usize * self.width + u as usize)
     }
 
@@ -99,7 +99,8 @@ fn smooth(depths: &[f32], width: usize, gate: f32, radius: usize) -> Vec<f32> {
             for x in column.saturating_sub(radius)..=(column + radius).min(width - 1) {
                 let depth = depths[y * width + x];
                 // Mirrored pairs only: a one-sided mean would shift slanted surfaces at their rims.
-                let (mirror_y, mirror_x) = (2 * row as isize - y as isize, 2 * column as isize - x as isize);
+                let (mirror_y, mirror_x) =
+                    (2 * row as isize - y as isize, 2 * column as isize - x as isize);
                 let is_inside = (0..height as isize).contains(&mirror_y)
                     && (0..width as isize).contains(&mirror_x);
                 if !is_inside {

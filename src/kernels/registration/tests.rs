@@ -38,13 +38,18 @@ fn body() -> TriMesh {
 fn what_stands_still_stays() {
     let mesh = body();
     let film = filmed(&mesh, vec![mesh.vertices().to_vec(); 3]);
-    let (tracked, source) = tracked(&film, 1, 2);
-    for frame in 0..3 {
-        let moved = tracked.sequence.frame(frame).iter().zip(source.vertices());
-        let mean = moved.map(|(a, b)| (a - b).norm()).sum::<f64>() / source.n_vertices() as f64;
-        assert!(mean < 5e-4, "{mean}");
-        let report = &tracked.reports[frame];
-        assert!(report.iou > 0.95 && report.coverage > 0.95 && !report.is_lost, "{report:?}");
+    let (source, _) = depth_mesh(&film.video, 1, 0.1, 1).unwrap();
+    // Averaged depths lie behind a convex surface by part of a millimetre; plain ones do not.
+    for (smoothing, bound) in [(0, 1e-5), (2, 1e-3)] {
+        let options = NrrOptions { smoothing, ..NrrOptions::default() };
+        let tracked = track(&film.video, &source, 1, &options).unwrap();
+        for frame in 0..3 {
+            let moved = tracked.sequence.frame(frame).iter().zip(source.vertices());
+            let mean = moved.map(|(a, b)| (a - b).norm()).sum::<f64>() / source.n_vertices() as f64;
+            assert!(mean < bound, "{mean}");
+            let report = &tracked.reports[frame];
+            assert!(report.iou > 0.95 && report.coverage > 0.95 && !report.is_lost, "{report:?}");
+        }
     }
 }
 
@@ -59,14 +64,14 @@ fn a_rigid_motion_turns_all_nodes_alike() {
     };
     let film = filmed(&mesh, (0..6).map(pose).collect());
     let (tracked, source) = tracked(&film, 0, 2);
-    let errors =
-        registration_errors(&tracked.sequence, &film.video, Some(&film.truth), 0).unwrap();
+    let errors = registration_errors(&tracked.sequence, &film.video, Some(&film.truth), 0).unwrap();
     for (frame, error) in errors.iter().enumerate() {
-        assert!(error.mean < 0.006, "frame {frame}: {error:?}");
+        assert!(error.mean < 0.01, "frame {frame}: {error:?}");
     }
     // The whole surface is one rigid motion of the source.
-    let pairs: Vec<(Vec3, Vec3)> =
-        (source.vertices().iter().copied()).zip(tracked.sequence.frame(5).iter().copied()).collect();
+    let pairs: Vec<(Vec3, Vec3)> = (source.vertices().iter().copied())
+        .zip(tracked.sequence.frame(5).iter().copied())
+        .collect();
     let (rotation, shift) = super::warp::fit_rigid(&pairs);
     let off = pairs.iter().map(|it| (rotation * it.0 + shift - it.1).norm()).sum::<f64>();
     assert!(off / (pairs.len() as f64) < 0.003, "{}", off / pairs.len() as f64);
@@ -100,8 +105,7 @@ fn a_bending_strip_is_followed_to_half_a_spacing() {
     let (mesh, frames) = strip();
     let film = filmed(&mesh, frames);
     let (tracked, _) = tracked(&film, 0, 2);
-    let errors =
-        registration_errors(&tracked.sequence, &film.video, Some(&film.truth), 0).unwrap();
+    let errors = registration_errors(&tracked.sequence, &film.video, Some(&film.truth), 0).unwrap();
     // Half of sigma = 0.05 for a diagonal of 2 m.
     let half_spacing = 0.025 * 1.65 / 2.0;
     for (frame, error) in errors.iter().enumerate() {

@@ -21,7 +21,8 @@ pub struct NrrOptions {
     pub spacing: f64,
     /// Outer iterations on each level.
     pub iterations: usize,
-    /// The weight of smoothness against 1000 times the mean squared distance.
+    /// The weight of smoothness against 1000 times the mean squared distance (Transfer4D: 10; fast limbs
+    /// want less).
     pub smoothness: f64,
     /// The farthest pairs at the beginning of a frame.
     pub reach: f64,
@@ -51,13 +52,13 @@ impl Default for NrrOptions {
         Self {
             spacing: 0.05,
             iterations: 5,
-            smoothness: 10.0,
+            smoothness: 2.0,
             reach: 0.15,
             final_reach: 0.05,
             max_angle_deg: 60.0,
             gate: 0.05,
             smoothing: 2,
-            reverse: 0.5,
+            reverse: 1.0,
             n_samples: 5000,
             erosion: 1,
             least_iou: 0.5,
@@ -269,8 +270,7 @@ impl<'a> Tracker<'a> {
                 true => vec![vertices.iter().sum::<Vec3>() / vertices.len() as f64],
                 false => graph.node_vertices.iter().map(|it| vertices[*it as usize]).collect(),
             };
-            let posed =
-                Posed { graph, nodes: &nodes, rest: &vertices, samples: &self.samples };
+            let posed = Posed { graph, nodes: &nodes, rest: &vertices, samples: &self.samples };
             let level = self.level(posed, pattern, target);
             let start = Motion::identity(graph.n_nodes());
             let (found, n) = level.refine(start, &self.limits(index, n_levels));
@@ -285,7 +285,12 @@ impl<'a> Tracker<'a> {
         (motion, n_iterations + n)
     }
 
-    fn level<'b>(&'b self, posed: Posed<'b>, pattern: &'b Pattern, target: &'b Target) -> Level<'b> {
+    fn level<'b>(
+        &'b self,
+        posed: Posed<'b>,
+        pattern: &'b Pattern,
+        target: &'b Target,
+    ) -> Level<'b> {
         let terms = Terms {
             data: 1000.0,
             smooth: self.options.smoothness,
@@ -353,9 +358,8 @@ impl<'a> Tracker<'a> {
         let places: Vec<(u32, Vec3)> =
             self.samples.iter().map(|it| (*it, vertices[*it as usize])).collect();
         let (pairs, n_visible) = source_to_target(target, &seen, &places, &limits);
-        let distance = |it: &super::correspond::Pair| {
-            (it.point - places[it.sample as usize].1).norm()
-        };
+        let distance =
+            |it: &super::correspond::Pair| (it.point - places[it.sample as usize].1).norm();
         let residual = pairs.iter().map(distance).sum::<f64>() / pairs.len() as f64;
         let (_, coverage) = target_to_source(target, &seen, &places, &limits, 1.0, 4000);
         FrameReport {

@@ -64,17 +64,23 @@ pub fn warp(graph: &DeformationGraph, rest: &[Vec3], motion: &Motion) -> Vec<Vec
         .collect()
 }
 
-/// The rotation nearest to a matrix, by its singular value decomposition.
+/// The rotation nearest to a matrix, by its singular value decomposition `U S V^T` (Kabsch 1976).
+///
+/// The third singular vectors are made from the first two, which makes the determinant 1 and does not
+/// depend on how well a vanishing third singular value is resolved.
 pub fn nearest_rotation(matrix: &Matrix3<f64>) -> Rotation3<f64> {
     let svd = matrix.svd(true, true);
     let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Rotation3::identity() };
-    let sign = (u * v_t).determinant().signum();
-    let mut turn = Matrix3::identity();
-    turn[(2, 2)] = sign;
-    let rotation = u * turn * v_t;
-    match rotation.iter().all(|it| it.is_finite()) {
-        true => Rotation3::from_matrix_unchecked(rotation),
-        false => Rotation3::identity(),
+    let frame = |first: Vec3, second: Vec3| -> Option<Matrix3<f64>> {
+        let first = first.try_normalize(1e-12)?;
+        let second = (second - first * first.dot(&second)).try_normalize(1e-12)?;
+        Some(Matrix3::from_columns(&[first, second, first.cross(&second)]))
+    };
+    let left = frame(u.column(0).into(), u.column(1).into());
+    let right = frame(v_t.row(0).transpose(), v_t.row(1).transpose());
+    match (left, right) {
+        (Some(left), Some(right)) => Rotation3::from_matrix_unchecked(left * right.transpose()),
+        _ => Rotation3::identity(),
     }
 }
 
@@ -103,8 +109,7 @@ mod tests {
     fn a_rigid_motion_of_all_nodes_is_rigid() {
         let grid = shapes::rectangle(20, 20, 1.0, 1.0);
         let may_hold = vec![true; grid.n_vertices()];
-        let graph =
-            DeformationGraph::new(grid.vertices(), grid.faces(), &may_hold, 0.15).unwrap();
+        let graph = DeformationGraph::new(grid.vertices(), grid.faces(), &may_hold, 0.15).unwrap();
         let rotation = Rotation3::new(Vec3::new(0.3, -0.5, 0.2));
         let shift = Vec3::new(0.1, 0.2, -0.4);
         let motion = Motion {
@@ -118,6 +123,7 @@ mod tests {
             pairs.push((*before, after));
         }
         let (found, by) = fit_rigid(&pairs);
-        assert!(found.angle_to(&rotation) < 1e-7 && (by - shift).norm() < 1e-9);
+        let off = (found.matrix() - rotation.matrix()).norm();
+        assert!(off < 1e-7 && (by - shift).norm() < 1e-7, "{off}");
     }
 }
