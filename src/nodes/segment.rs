@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
 use crate::kernels::depth::DepthVideo;
 use crate::kernels::depth::segment::{SegmentOptions, segment};
+use crate::kernels::depth::smooth::smooth_video;
 
 /// Cuts a subject out of a depth video: a depth range, a region, the largest connected component.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -25,12 +26,19 @@ pub struct Segment {
     pub region: Option<[usize; 4]>,
     /// Whether only the largest connected component (of 8 neighbours) of each frame stays.
     pub largest: bool,
+    /// How many pixels around each one its depth is averaged over afterwards; 0 for not at all. A noisy
+    /// sensor needs 2 or 3 before a surface is made.
+    #[schemars(range(max = 10))]
+    pub smoothing: usize,
+    /// Only depths within so many metres are averaged; above the noise, below the steps.
+    #[schemars(range(min = 0.0))]
+    pub gate: f64,
 }
 
 impl Default for Segment {
     fn default() -> Self {
         let SegmentOptions { near, far, step, region, largest } = SegmentOptions::default();
-        Self { near, far, step, region, largest }
+        Self { near, far, step, region, largest, smoothing: 0, gate: 0.05 }
     }
 }
 
@@ -76,9 +84,13 @@ far = 6.0
     }
 
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
-        let Self { near, far, step, region, largest } = *self;
+        let Self { near, far, step, region, largest, smoothing: 0, gate: 0.05 } = *self;
         let video = io.get(Self::VIDEO);
         let subject = segment(&video, &SegmentOptions { near, far, step, region, largest })?;
+        let subject = match self.smoothing {
+            0 => subject,
+            radius => smooth_video(&subject, self.gate, radius)?,
+        };
         let empty: Vec<String> = (0..subject.n_frames())
             .filter(|it| subject.frame(*it).iter().all(|it| *it == 0.0))
             .map(|it| it.to_string())

@@ -11,6 +11,7 @@ pub mod noise;
 pub mod raster;
 pub mod read;
 pub mod segment;
+pub mod smooth;
 pub mod video;
 
 pub use video::{DepthError, DepthVideo, Intrinsics};

@@ -19,6 +19,9 @@ pub const NO_FACE: u32 = u32::MAX;
 /// Triangles with a corner nearer than this are left out, in metres.
 const NEAR: f64 = 0.01;
 
+/// Rounding errors do not exclude the rim of a triangle.
+const EDGE: f64 = 1e-9;
+
 impl ZBuffer {
     /// Draws triangles, whichever side they show; of equally near ones the first stays.
     ///
@@ -70,7 +73,7 @@ impl ZBuffer {
                 let (px, py) = (x as f64, y as f64);
                 let b = ((px - ax) * (cy - ay) - (py - ay) * (cx - ax)) / area;
                 let c = ((bx - ax) * (py - ay) - (by - ay) * (px - ax)) / area;
-                if b < 0.0 || c < 0.0 || b + c > 1.0 {
+                if b < -EDGE || c < -EDGE || b + c > 1.0 + EDGE {
                     continue;
                 }
                 let value = az + b * (bz - az) + c * (cz - az);

@@ -1,6 +1,6 @@
 //! A depth frame as a target: points, normals, and where they can be trusted.
 
-use crate::kernels::depth::{DepthVideo, Intrinsics, mesh::unproject};
+use crate::kernels::depth::{DepthVideo, Intrinsics, mesh::unproject, smooth::smooth};
 use crate::kernels::mesh::Vec3;
 use crate::kernels::point_tree::PointTree;
 
@@ -86,37 +86,6 @@ impl Target {
         let (square, index) = found.first()?;
         Some((square.sqrt(), self.measured[*index as usize] as usize))
     }
-}
-
-/// Means of the depths around each pixel that are within the gate of its own.
-fn smooth(depths: &[f32], width: usize, gate: f32, radius: usize) -> Vec<f32> {
-    let height = depths.len() / width;
-    let mut res = depths.to_vec();
-    for (pixel, value) in res.iter_mut().enumerate().filter(|it| *it.1 > 0.0) {
-        let (column, row) = (pixel % width, pixel / width);
-        let (mut sum, mut count) = (0.0, 0.0);
-        for y in row.saturating_sub(radius)..=(row + radius).min(height - 1) {
-            for x in column.saturating_sub(radius)..=(column + radius).min(width - 1) {
-                let depth = depths[y * width + x];
-                // Mirrored pairs only: a one-sided mean would shift slanted surfaces at their rims.
-                let (mirror_y, mirror_x) =
-                    (2 * row as isize - y as isize, 2 * column as isize - x as isize);
-                let is_inside = (0..height as isize).contains(&mirror_y)
-                    && (0..width as isize).contains(&mirror_x);
-                if !is_inside {
-                    continue;
-                }
-                let mirrored = depths[mirror_y as usize * width + mirror_x as usize];
-                let is_near = |it: f32| it > 0.0 && (it - *value).abs() <= gate;
-                if is_near(depth) && is_near(mirrored) {
-                    sum += depth;
-                    count += 1.0;
-                }
-            }
-        }
-        *value = sum / count;
-    }
-    res
 }
 
 /// The normal by central differences, if all four neighbours continue the surface.
