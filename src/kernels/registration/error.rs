@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::correspond::{Limits, Seen, source_to_target};
+use super::silhouette::iou;
 use super::target::{Pixel, Target};
 use crate::kernels::decimate::closest_on_triangle;
 use crate::kernels::depth::DepthVideo;
@@ -19,7 +20,7 @@ pub struct FrameError {
     /// The mean squared difference of inverse depths (1/m^2), nothing counting as 0, over the pixels
     /// where either picture has a depth; NaN if there are none.
     pub inverse_depth: f64,
-    /// Intersection over union of silhouettes; NaN if both are empty.
+    /// Intersection over union of silhouettes without pinholes; NaN if both are empty.
     pub iou: f64,
     /// Distances to the true places of the vertices, in metres: mean and greatest; NaN without truth.
     pub mean: f64,
@@ -87,16 +88,15 @@ fn seen_errors(tracked: &MeshSequence, video: &DepthVideo, frame: usize) -> Fram
         (it.point - vertices[it.sample as usize]).dot(&it.normal).abs()
     };
     let point_to_plane = pairs.iter().map(off).sum::<f64>() / pairs.len() as f64;
-    let (mut squares, mut both, mut either) = (0.0, 0.0, 0.0);
+    let (mut squares, mut either) = (0.0, 0.0);
     for (pixel, own) in seen.buffer.depths.iter().enumerate() {
         let is_measured = target.pixels[pixel] != Pixel::Nothing;
         let inverse = |it: f64| if it > 0.0 { 1.0 / it } else { 0.0 };
         let other = inverse(target.points[pixel].z);
         squares += (inverse(f64::from(*own)) - other).powi(2);
-        both += f64::from(u8::from(*own > 0.0 && is_measured));
         either += f64::from(u8::from(*own > 0.0 || is_measured));
     }
-    let (inverse_depth, iou) = (squares / either, both / either);
+    let (inverse_depth, iou) = (squares / either, iou(&target, &seen));
     FrameError { point_to_plane, inverse_depth, iou, mean: f64::NAN, max: f64::NAN }
 }
 

@@ -8,6 +8,7 @@ mod fpfh;
 pub mod graph;
 mod normal_matrix;
 mod relocalize;
+mod silhouette;
 mod solve;
 mod target;
 pub mod track;

@@ -48,7 +48,7 @@ fn what_stands_still_stays() {
             let mean = moved.map(|(a, b)| (a - b).norm()).sum::<f64>() / source.n_vertices() as f64;
             assert!(mean < bound, "{mean}");
             let report = &tracked.reports[frame];
-            assert!(report.iou > 0.95 && report.coverage > 0.95 && !report.is_lost, "{report:?}");
+            assert!(report.iou > 0.9 && report.coverage > 0.9 && !report.is_lost, "{report:?}");
         }
     }
 }
@@ -63,7 +63,9 @@ fn a_rigid_motion_turns_all_nodes_alike() {
         mesh.vertices().iter().map(|it| turn * it + shift).collect()
     };
     let film = filmed(&mesh, (0..6).map(pose).collect());
-    let (tracked, source) = tracked(&film, 0, 2);
+    let (source, _) = depth_mesh(&film.video, 0, 0.1, 2).unwrap();
+    let options = NrrOptions { smoothness: 10.0, reverse: 0.0, ..NrrOptions::default() };
+    let tracked = track(&film.video, &source, 0, &options).unwrap();
     let errors = registration_errors(&tracked.sequence, &film.video, Some(&film.truth), 0).unwrap();
     for (frame, error) in errors.iter().enumerate() {
         assert!(error.mean < 0.01, "frame {frame}: {error:?}");

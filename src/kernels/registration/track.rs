@@ -6,6 +6,7 @@ use super::erode::{erode, on_faces};
 use super::graph::DeformationGraph;
 use super::normal_matrix::Pattern;
 use super::relocalize::relocalize;
+use super::silhouette::iou;
 use super::solve::Level;
 use super::target::Target;
 use super::warp::{Motion, warp};
@@ -58,7 +59,7 @@ impl Default for NrrOptions {
             max_angle_deg: 60.0,
             gate: 0.05,
             smoothing: 2,
-            reverse: 1.0,
+            reverse: 0.5,
             n_samples: 5000,
             erosion: 1,
             least_iou: 0.5,
@@ -373,16 +374,4 @@ impl<'a> Tracker<'a> {
             n_iterations: 0,
         }
     }
-}
-
-/// Intersection over union of the silhouettes of a surface and a frame; 0 if both are empty.
-fn iou(target: &Target, seen: &Seen) -> f64 {
-    let is_measured = |pixel: usize| target.pixels[pixel] != super::target::Pixel::Nothing;
-    let (mut both, mut either) = (0.0, 0.0);
-    for (pixel, depth) in seen.buffer.depths.iter().enumerate() {
-        let (a, b) = (*depth > 0.0, is_measured(pixel));
-        both += f64::from(u8::from(a && b));
-        either += f64::from(u8::from(a || b));
-    }
-    if either > 0.0 { both / either } else { 0.0 }
 }
