@@ -84,7 +84,7 @@ far = 6.0
     }
 
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
-        let Self { near, far, step, region, largest, smoothing: 0, gate: 0.05 } = *self;
+        let Self { near, far, step, region, largest, .. } = *self;
         let video = io.get(Self::VIDEO);
         let subject = segment(&video, &SegmentOptions { near, far, step, region, largest })?;
         let subject = match self.smoothing {
