@@ -217,6 +217,13 @@ fn write_example_files(folder: &Path) {
     fs::write(folder.join("joints.csv"), joints).unwrap();
     fs::write(folder.join("nod.bvh"), NOD).unwrap();
     fs::write(folder.join("lengths.py"), LENGTHS).unwrap();
+    fs::write(folder.join("kinect.json"), r#"{"fx": 20.0, "fps": 15}"#).unwrap();
+    fs::create_dir(folder.join("depth")).unwrap();
+    for frame in 0..2 {
+        let depths: Vec<f32> = (0..64).map(|it| 1.0 + (it % 8 + frame) as f32 * 0.01).collect();
+        let bytes = sinew::kernels::depth::read::write_depth_png(8, 8, &depths);
+        fs::write(folder.join(format!("depth/{frame}.png")), bytes).unwrap();
+    }
 }
 
 const NOD: &str = "HIERARCHY\nROOT Neck\n{\nOFFSET 0 150 0\nCHANNELS 3 Xrotation Yrotation Zrotation\n\

@@ -1,5 +1,6 @@
 use super::mesh::{points, put_points};
-use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
+use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder, Format};
+use crate::kernels::io::anime::{read_anime, write_anime};
 use crate::kernels::mesh_sequence::MeshSequence;
 
 impl Artifact for MeshSequence {
@@ -9,6 +10,13 @@ impl Artifact for MeshSequence {
         doc: "A mesh in motion: `positions` (T*V x 3, frame by frame), `faces` (F x 3 indices), \
               `n_vertices` and `frames_per_second`.",
     };
+
+    const FORMATS: &'static [Format] = &[Format {
+        extension: "anime",
+        doc: "DeformingThings4D, single precision, without the rate.",
+    }];
+
+    const IMPORTS: &'static [&'static str] = &["anime"];
 
     fn encode<'a>(&'a self, to: &mut Encoder<'a>) {
         put_points(to, "positions", self.positions());
@@ -33,6 +41,17 @@ impl Artifact for MeshSequence {
         };
         let n_vertices = usize::try_from(n_vertices).unwrap_or(0);
         Self::new(rate, n_vertices, faces, positions).map_err(|e| DecodeError::new(e.to_string()))
+    }
+
+    fn export(&self, extension: &str) -> Result<Vec<u8>, String> {
+        match extension {
+            "anime" => Ok(write_anime(self)),
+            _ => Err(format!("a mesh sequence cannot be written as .{extension}")),
+        }
+    }
+
+    fn import(_extension: &str, bytes: &[u8]) -> Result<Self, String> {
+        read_anime(bytes, 30.0).map_err(|e| e.to_string())
     }
 
     fn summary(&self) -> Vec<(String, String)> {

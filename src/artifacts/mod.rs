@@ -4,6 +4,7 @@ mod basis;
 mod clip;
 mod correspondences;
 mod curve_skeleton;
+mod depth_video;
 mod descriptors;
 mod figure;
 mod files;
@@ -42,6 +43,7 @@ pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::clip::Clip>(),
     ArtifactKind::of::<kernels::correspondences::Correspondences>(),
     ArtifactKind::of::<kernels::curve_skeleton::CurveSkeleton>(),
+    ArtifactKind::of::<kernels::depth::DepthVideo>(),
     ArtifactKind::of::<kernels::descriptors::Descriptors>(),
     ArtifactKind::of::<kernels::figure::Figure>(),
     ArtifactKind::of::<kernels::files::FileSet>(),

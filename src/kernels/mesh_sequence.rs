@@ -21,6 +21,8 @@ pub enum SequenceError {
     Rate { frames_per_second: f64 },
     #[error("{n_positions} positions are no whole number of frames of {n_vertices} vertices")]
     Count { n_positions: usize, n_vertices: usize },
+    #[error("frame {frame} has {n_positions} positions, but the first frame has {n_vertices}")]
+    FrameCount { frame: usize, n_positions: usize, n_vertices: usize },
     #[error("frame {frame}: {error}")]
     Frame { frame: usize, error: MeshError },
     #[error("frame {frame} was asked for, but there are {n_frames}")]
@@ -54,6 +56,23 @@ impl MeshSequence {
             checked.map_err(|error| SequenceError::Frame { frame, error })?;
         }
         Ok(res)
+    }
+
+    /// Checks and wraps frames of equally many positions.
+    ///
+    /// # Errors
+    /// See [`SequenceError`].
+    pub fn from_frames(
+        frames: Vec<Vec<Vec3>>,
+        faces: Vec<[u32; 3]>,
+        frames_per_second: f64,
+    ) -> Result<Self, SequenceError> {
+        let n_vertices = frames.first().ok_or(SequenceError::NoFrames)?.len();
+        if let Some(frame) = frames.iter().position(|it| it.len() != n_vertices) {
+            let n_positions = frames[frame].len();
+            return Err(SequenceError::FrameCount { frame, n_positions, n_vertices });
+        }
+        Self::new(frames_per_second, n_vertices, faces, frames.concat())
     }
 
     pub fn frames_per_second(&self) -> f64 {
@@ -113,6 +132,9 @@ mod tests {
         assert_eq!(error, "frame 2 was asked for, but there are 2");
         let error = MeshSequence::new(30.0, 4, vec![], positions.clone()).unwrap_err();
         assert_eq!(error, SequenceError::Count { n_positions: 6, n_vertices: 4 });
+        let frames = vec![positions[..3].to_vec(), positions[..2].to_vec()];
+        let error = MeshSequence::from_frames(frames, vec![], 30.0).unwrap_err().to_string();
+        assert_eq!(error, "frame 1 has 2 positions, but the first frame has 3");
         assert!(MeshSequence::new(0.0, 3, vec![], positions.clone()).is_err());
         assert!(MeshSequence::new(30.0, 3, vec![[0, 1, 3]], positions).is_err());
     }

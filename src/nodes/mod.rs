@@ -11,6 +11,7 @@ mod correspondences;
 mod decimate;
 mod deformation_error;
 mod degrade;
+mod depth_mesh;
 mod descriptors;
 mod download;
 mod eigs;
@@ -24,22 +25,28 @@ mod landmarks;
 mod landmarks_auto;
 mod laplacian;
 mod load;
+mod load_depth;
 mod load_motion;
 mod load_skeleton;
 mod make_body;
 mod map_quality;
 mod normalize;
+mod nrr;
+mod pick_frame;
 mod plot;
 mod point_cloud;
 mod point_map;
 mod pose;
 mod python;
+mod registration_error;
 mod regressor;
 mod regressor_image;
 mod remesh;
+mod render_depth;
 mod retarget;
 mod rig;
 mod rooted_skeleton;
+mod segment;
 mod simplify_skeleton;
 mod skeletonize;
 mod skin_weights;
@@ -65,6 +72,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<decimate::Decimate>(),
     NodeKind::of::<deformation_error::DeformationErrorNode>(),
     NodeKind::of::<degrade::Degrade>(),
+    NodeKind::of::<depth_mesh::DepthMesh>(),
     NodeKind::of::<descriptors::DescriptorsNode>(),
     NodeKind::of::<download::Download>(),
     NodeKind::of::<eigs::Eigs>(),
@@ -78,22 +86,28 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<landmarks_auto::LandmarksAuto>(),
     NodeKind::of::<laplacian::Laplacian>(),
     NodeKind::of::<load::Load>(),
+    NodeKind::of::<load_depth::LoadDepth>(),
     NodeKind::of::<load_motion::LoadMotion>(),
     NodeKind::of::<load_skeleton::LoadSkeleton>(),
     NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<map_quality::MapQuality>(),
     NodeKind::of::<normalize::Normalize>(),
+    NodeKind::of::<nrr::Nrr>(),
+    NodeKind::of::<pick_frame::PickFrame>(),
     NodeKind::of::<plot::Plot>(),
     NodeKind::of::<point_cloud::PointCloud>(),
     NodeKind::of::<point_map::PointMapNode>(),
     NodeKind::of::<pose::PoseNode>(),
     NodeKind::open_labelled::<python::Python>(),
+    NodeKind::of::<registration_error::RegistrationError>(),
     NodeKind::of::<regressor::RegressorNode>(),
     NodeKind::of::<regressor_image::RegressorImage>(),
     NodeKind::of::<remesh::Remesh>(),
+    NodeKind::of::<render_depth::RenderDepth>(),
     NodeKind::of::<retarget::RetargetNode>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<rooted_skeleton::RootedSkeleton>(),
+    NodeKind::of::<segment::Segment>(),
     NodeKind::of::<simplify_skeleton::SimplifySkeleton>(),
     NodeKind::of::<skeletonize::Skeletonize>(),
     NodeKind::of::<skin_weights::SkinWeightsNode>(),

@@ -5,6 +5,7 @@
 //! a file; where a format refers to others (`.gltf`), the caller hands in a function that finds
 //! them.
 
+pub mod anime;
 pub mod bvh;
 pub mod character;
 pub mod csv;

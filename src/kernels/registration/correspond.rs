@@ -1,0 +1,139 @@
+//! Pairs of surface vertices and target points.
+
+use rayon::prelude::*;
+
+use super::target::{Pixel, Target};
+use crate::kernels::depth::raster::ZBuffer;
+use crate::kernels::mesh::Vec3;
+use crate::kernels::point_tree::PointTree;
+
+/// A vertex and the point on the target that it should reach.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pair {
+    /// Which sample it is.
+    pub sample: u32,
+    pub point: Vec3,
+    pub normal: Vec3,
+    /// A factor on its weight.
+    pub weight: f64,
+}
+
+/// When a pair is refused.
+#[derive(Debug, Clone, Copy)]
+pub struct Limits {
+    pub distance: f64,
+    pub cosine: f64,
+    /// How far behind the nearest surface a vertex counts as hidden.
+    pub occlusion: f64,
+}
+
+/// The moved surface as the camera sees it.
+pub struct Seen {
+    pub buffer: ZBuffer,
+    pub normals: Vec<Vec3>,
+}
+
+impl Seen {
+    pub fn new(target: &Target, vertices: &[Vec3], faces: &[[u32; 3]]) -> Self {
+        let size = [target.width, target.height];
+        let buffer = ZBuffer::draw(size, &target.camera, vertices, faces);
+        Self { buffer, normals: vertex_normals(vertices, faces) }
+    }
+
+    /// Whether a vertex faces the camera and nothing is before it.
+    pub fn sees(&self, target: &Target, vertex: usize, place: &Vec3, occlusion: f64) -> bool {
+        if self.normals[vertex].dot(place) > -0.1 * place.norm() {
+            return false;
+        }
+        target.pixel_of(place).is_some_and(|pixel| {
+            let depth = f64::from(self.buffer.depths[pixel]);
+            depth == 0.0 || place.z <= depth + occlusion
+        })
+    }
+}
+
+pub fn vertex_normals(vertices: &[Vec3], faces: &[[u32; 3]]) -> Vec<Vec3> {
+    let mut normals = vec![Vec3::zeros(); vertices.len()];
+    for face in faces {
+        let [a, b, c] = face.map(|it| vertices[it as usize]);
+        let area_vector = (b - a).cross(&(c - a));
+        face.iter().for_each(|it| normals[*it as usize] += area_vector);
+    }
+    normals.iter_mut().for_each(|it| *it = it.try_normalize(0.0).unwrap_or_default());
+    normals
+}
+
+/// Finds for every visible sample its place on the target: first around its projection, then, if that
+/// is too far, anywhere. Pairs at steps in depth, too far, or with normals that differ are refused.
+/// Also returns how many samples are visible.
+pub fn source_to_target(
+    target: &Target,
+    seen: &Seen,
+    places: &[(u32, Vec3)],
+    limits: &Limits,
+) -> (Vec<Pair>, usize) {
+    let find = |(sample, &(vertex, place)): (usize, &(u32, Vec3))| -> Option<Option<Pair>> {
+        let vertex = vertex as usize;
+        if !seen.sees(target, vertex, &place, limits.occlusion) {
+            return None;
+        }
+        let near = target.nearest_in_window(&place).filter(|it| it.0 <= limits.distance);
+        let found = near.or_else(|| target.nearest(&place, &mut Vec::new()));
+        let Some((distance, pixel)) = found else { return Some(None) };
+        let normal = target.normals[pixel];
+        let is_good = distance <= limits.distance
+            && target.pixels[pixel] == Pixel::Surface
+            && normal.dot(&seen.normals[vertex]) >= limits.cosine;
+        let (sample, point) = (sample as u32, target.points[pixel]);
+        Some(is_good.then_some(Pair { sample, point, normal, weight: 1.0 }))
+    };
+    let found: Vec<Option<Option<Pair>>> =
+        places.par_iter().with_min_len(256).enumerate().map(find).collect();
+    let n_visible = found.iter().filter(|it| it.is_some()).count();
+    (found.into_iter().flatten().flatten().collect(), n_visible)
+}
+
+/// Finds for target points that the moved surface leaves bare the nearest visible sample.
+///
+/// At most `most` evenly chosen target pixels are looked at. Also returns the share of them that is
+/// covered.
+pub fn target_to_source(
+    target: &Target,
+    seen: &Seen,
+    places: &[(u32, Vec3)],
+    limits: &Limits,
+    weight: f64,
+    most: usize,
+) -> (Vec<Pair>, f64) {
+    let visible: Vec<(u32, Vec3)> = (0_u32..)
+        .zip(places)
+        .filter(|(_, (vertex, place))| seen.sees(target, *vertex as usize, place, limits.occlusion))
+        .map(|(sample, (_, place))| (sample, *place))
+        .collect();
+    let tree = PointTree::new(&visible.iter().map(|it| it.1).collect::<Vec<_>>());
+    let step = target.measured.len().div_ceil(most.max(1)).max(1);
+    let looked: Vec<u32> = target.measured.iter().copied().step_by(step).collect();
+    let find = |pixel: &u32| -> Option<Option<Pair>> {
+        let pixel = *pixel as usize;
+        let (point, normal) = (target.points[pixel], target.normals[pixel]);
+        let depth = f64::from(seen.buffer.depths[pixel]);
+        if depth > 0.0 && (depth - point.z).abs() <= limits.occlusion * 2.0 {
+            return None;
+        }
+        if target.pixels[pixel] != Pixel::Surface {
+            return Some(None);
+        }
+        let mut found = Vec::new();
+        tree.nearest(point, 1, &mut found);
+        let Some(&(square, index)) = found.first() else { return Some(None) };
+        let (sample, _) = visible[index as usize];
+        let vertex = places[sample as usize].0 as usize;
+        let is_good =
+            square.sqrt() <= limits.distance && normal.dot(&seen.normals[vertex]) >= limits.cosine;
+        Some(is_good.then_some(Pair { sample, point, normal, weight }))
+    };
+    let found: Vec<Option<Option<Pair>>> = looked.par_iter().with_min_len(256).map(find).collect();
+    let n_bare = found.iter().filter(|it| it.is_some()).count();
+    let coverage = 1.0 - n_bare as f64 / looked.len().max(1) as f64;
+    (found.into_iter().flatten().flatten().collect(), coverage)
+}

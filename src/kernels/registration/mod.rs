@@ -1,0 +1,20 @@
+//! Non-rigid registration of a surface to the frames of a depth video.
+
+mod correspond;
+mod energy;
+pub mod erode;
+pub mod error;
+mod fpfh;
+pub mod graph;
+mod normal_matrix;
+mod relocalize;
+mod silhouette;
+mod solve;
+mod target;
+pub mod track;
+pub mod warp;
+
+pub use track::{FrameReport, NrrError, NrrOptions, Tracked, track};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,105 @@
+//! A depth frame as a target: points, normals, and where they can be trusted.
+
+use crate::kernels::depth::{DepthVideo, Intrinsics, mesh::unproject, smooth::smooth};
+use crate::kernels::mesh::Vec3;
+use crate::kernels::point_tree::PointTree;
+
+/// What a pixel holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pixel {
+    Nothing,
+    /// At a step in depth or beside a pixel without measurement.
+    Edge,
+    Surface,
+}
+
+/// One frame of a video, prepared to be aligned with.
+pub struct Target {
+    pub width: usize,
+    pub height: usize,
+    pub camera: Intrinsics,
+    /// Smoothed points, one a pixel.
+    pub points: Vec<Vec3>,
+    /// Unit normals that face the camera, one a pixel; zero unless it is a surface.
+    pub normals: Vec<Vec3>,
+    pub pixels: Vec<Pixel>,
+    /// The pixels that hold a measurement, ascending.
+    pub measured: Vec<u32>,
+    tree: PointTree,
+}
+
+impl Target {
+    /// `gate` is the step in depth that separates surfaces, in metres.
+    pub fn new(video: &DepthVideo, frame: usize, gate: f64, smoothing: usize) -> Self {
+        let (width, height, camera) = (video.width(), video.height(), video.intrinsics());
+        let raw = video.frame(frame);
+        let depths = smooth(raw, width, gate as f32, smoothing);
+        let points = unproject(&depths, width, &camera);
+        let measured: Vec<u32> =
+            (0..raw.len() as u32).filter(|it| raw[*it as usize] > 0.0).collect();
+        let mut pixels = vec![Pixel::Nothing; raw.len()];
+        let mut normals = vec![Vec3::zeros(); raw.len()];
+        for &pixel in &measured {
+            let pixel = pixel as usize;
+            let normal = normal(&depths, &points, width, gate as f32, pixel);
+            pixels[pixel] = if normal.is_some() { Pixel::Surface } else { Pixel::Edge };
+            normals[pixel] = normal.unwrap_or_default();
+        }
+        let places: Vec<Vec3> = measured.iter().map(|it| points[*it as usize]).collect();
+        let tree = PointTree::new(&places);
+        Self { width, height, camera, points, normals, pixels, measured, tree }
+    }
+
+    /// The pixel at which the camera sees a point, if it lies in the picture.
+    pub fn pixel_of(&self, point: &Vec3) -> Option<usize> {
+        if point.z <= 0.01 {
+            return None;
+        }
+        let [u, v] = self.camera.project(point).map(f64::round);
+        let is_inside = u >= 0.0 && v >= 0.0 && u < self.width as f64 && v < self.height as f64;
+        is_inside.then(|| v as usize * self.width + u as usize)
+    }
+
+    /// The measured pixel nearest to a point among 5 x 5 around its projection, with the distance.
+    pub fn nearest_in_window(&self, point: &Vec3) -> Option<(f64, usize)> {
+        let pixel = self.pixel_of(point)?;
+        let (column, row) = (pixel % self.width, pixel / self.width);
+        let mut best: Option<(f64, usize)> = None;
+        for y in row.saturating_sub(2)..=(row + 2).min(self.height - 1) {
+            for x in column.saturating_sub(2)..=(column + 2).min(self.width - 1) {
+                let other = y * self.width + x;
+                if self.pixels[other] == Pixel::Nothing {
+                    continue;
+                }
+                let distance = (self.points[other] - point).norm();
+                if best.is_none_or(|it| distance < it.0) {
+                    best = Some((distance, other));
+                }
+            }
+        }
+        best
+    }
+
+    /// The measured pixel nearest to a point, with the distance.
+    pub fn nearest(&self, point: &Vec3, found: &mut Vec<(f64, u32)>) -> Option<(f64, usize)> {
+        self.tree.nearest(*point, 1, found);
+        let (square, index) = found.first()?;
+        Some((square.sqrt(), self.measured[*index as usize] as usize))
+    }
+}
+
+/// The normal by central differences, if all four neighbours continue the surface.
+fn normal(depths: &[f32], points: &[Vec3], width: usize, gate: f32, pixel: usize) -> Option<Vec3> {
+    let (column, row, height) = (pixel % width, pixel / width, depths.len() / width);
+    if column == 0 || row == 0 || column + 1 == width || row + 1 == height {
+        return None;
+    }
+    let continues = |it: usize| depths[it] > 0.0 && (depths[it] - depths[pixel]).abs() <= gate;
+    let around = [pixel - 1, pixel + 1, pixel - width, pixel + width];
+    if !around.into_iter().all(continues) {
+        return None;
+    }
+    let [left, right, above, below] = around.map(|it| points[it]);
+    // With y down and z forward this order faces the camera.
+    (below - above).cross(&(right - left)).try_normalize(0.0)
+}

@@ -1,0 +1,378 @@
+//! Tracking a surface through a depth video.
+
+use super::correspond::{Limits, Seen, source_to_target, target_to_source};
+use super::energy::{Posed, Terms};
+use super::erode::{erode, on_faces};
+use super::graph::DeformationGraph;
+use super::normal_matrix::Pattern;
+use super::relocalize::relocalize;
+use super::silhouette::iou;
+use super::solve::Level;
+use super::target::Target;
+use super::warp::{Motion, warp};
+use crate::kernels::depth::DepthVideo;
+use crate::kernels::mesh::{TriMesh, Vec3};
+use crate::kernels::mesh_sequence::{MeshSequence, SequenceError};
+
+/// How a surface is tracked. Lengths are for a surface whose box has a diagonal of 2 m, and are scaled
+/// with it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NrrOptions {
+    /// The distance between nodes of the finest graph; coarser ones have 2 and 4 times that.
+    pub spacing: f64,
+    /// Outer iterations on each level.
+    pub iterations: usize,
+    /// The weight of smoothness against 1000 times the mean squared distance (Transfer4D: 10; fast limbs
+    /// want less).
+    pub smoothness: f64,
+    /// The farthest pairs at the beginning of a frame.
+    pub reach: f64,
+    /// The farthest pairs at its end.
+    pub final_reach: f64,
+    /// The largest angle between normals of a pair.
+    pub max_angle_deg: f64,
+    /// The step in depth that separates surfaces, in metres as they are.
+    pub gate: f64,
+    /// How many pixels around each one its depth is averaged over.
+    pub smoothing: usize,
+    /// The weight of pairs from bare target points to the surface.
+    pub reverse: f64,
+    /// How many vertices carry data at most.
+    pub n_samples: usize,
+    /// Rounds of erosion before nodes are placed.
+    pub erosion: usize,
+    /// The least intersection over union of silhouettes; below, the subject is sought anew.
+    pub least_iou: f64,
+    /// The decrease of the energy, relative, at which a level is done.
+    pub tolerance: f64,
+    pub seed: u64,
+}
+
+impl Default for NrrOptions {
+    fn default() -> Self {
+        Self {
+            spacing: 0.05,
+            iterations: 5,
+            smoothness: 2.0,
+            reach: 0.15,
+            final_reach: 0.05,
+            max_angle_deg: 60.0,
+            gate: 0.05,
+            smoothing: 2,
+            reverse: 0.5,
+            n_samples: 5000,
+            erosion: 1,
+            least_iou: 0.5,
+            tolerance: 1e-4,
+            seed: 0,
+        }
+    }
+}
+
+/// Why a surface cannot be tracked.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum NrrError {
+    #[error("frame {frame} is the source, but the video has {n_frames} frames")]
+    Frame { frame: usize, n_frames: usize },
+    #[error("the source has no faces")]
+    NoFaces,
+    #[error("the source lies {depth} m before the camera; it must be in camera space, z forward")]
+    Behind { depth: f64 },
+    #[error("the source of {n_faces} faces is too small for a deformation graph")]
+    NoNodes { n_faces: usize },
+    #[error("`{name}` is {value}")]
+    Option { name: &'static str, value: f64 },
+    #[error(transparent)]
+    Sequence(#[from] SequenceError),
+}
+
+/// How well a frame was tracked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameReport {
+    /// The mean distance of paired vertices to their pairs, in metres; NaN without pairs.
+    pub residual: f64,
+    /// The share of target pixels that the tracked surface covers.
+    pub coverage: f64,
+    /// Intersection over union of silhouettes.
+    pub iou: f64,
+    /// The share of samples that face the camera unhidden.
+    pub visible: f64,
+    /// The share of visible samples that found a pair.
+    pub paired: f64,
+    /// The frame was empty or could not be explained; the surface stays as in the frame before.
+    pub is_lost: bool,
+    /// The subject had to be sought anew.
+    pub is_relocalized: bool,
+    pub n_iterations: usize,
+}
+
+/// A tracked surface.
+#[derive(Debug, Clone)]
+pub struct Tracked {
+    pub sequence: MeshSequence,
+    /// One a frame.
+    pub reports: Vec<FrameReport>,
+    pub n_nodes: usize,
+}
+
+/// Follows a surface, which lies in camera space where frame `source` shows it, through all frames.
+///
+/// Embedded deformation on three levels and one rigid one before them; each frame starts where the
+/// frame before ended, forward and backward from the source. See Li, Sumner & Pauly 2008 and
+/// Transfer4D (Maheshwari et al. 2023), whose energy this is but for point-to-plane distances, Huber's
+/// function and a Gauss-Newton solver.
+///
+/// # Errors
+/// See [`NrrError`]; frames that cannot be tracked are no errors but reported.
+pub fn track(
+    video: &DepthVideo,
+    mesh: &TriMesh,
+    source: usize,
+    options: &NrrOptions,
+) -> Result<Tracked, NrrError> {
+    check(video, mesh, source, options)?;
+    let tracker = Tracker::new(video, mesh, options)?;
+    let n_frames = video.n_frames();
+    let mut tracked: Vec<Option<(Vec<Vec3>, FrameReport)>> = vec![None; n_frames];
+    let start = Motion::identity(tracker.fine.n_nodes());
+    let mut motion = start.clone();
+    for frame in source..n_frames {
+        let (next, vertices, report) = tracker.step(frame, &motion);
+        (motion, tracked[frame]) = (next, Some((vertices, report)));
+    }
+    motion = start;
+    for frame in (0..source).rev() {
+        let (next, vertices, report) = tracker.step(frame, &motion);
+        (motion, tracked[frame]) = (next, Some((vertices, report)));
+    }
+    let (frames, reports) = tracked.into_iter().map(|it| it.expect("both ways")).unzip();
+    let sequence =
+        MeshSequence::from_frames(frames, mesh.faces().to_vec(), video.frames_per_second())?;
+    Ok(Tracked { sequence, reports, n_nodes: tracker.fine.n_nodes() })
+}
+
+fn check(
+    video: &DepthVideo,
+    mesh: &TriMesh,
+    source: usize,
+    options: &NrrOptions,
+) -> Result<(), NrrError> {
+    let n_frames = video.n_frames();
+    if source >= n_frames {
+        return Err(NrrError::Frame { frame: source, n_frames });
+    }
+    if mesh.is_point_cloud() {
+        return Err(NrrError::NoFaces);
+    }
+    let depth = mesh.vertices().iter().map(|it| it.z).fold(f64::INFINITY, f64::min);
+    if depth <= 0.0 {
+        return Err(NrrError::Behind { depth });
+    }
+    let positive = [
+        ("spacing", options.spacing),
+        ("reach", options.reach),
+        ("final_reach", options.final_reach),
+        ("gate", options.gate),
+        ("smoothness", options.smoothness),
+        ("max_angle_deg", options.max_angle_deg),
+    ];
+    match positive.into_iter().find(|it| !(it.1 > 0.0 && it.1.is_finite())) {
+        Some((name, value)) => Err(NrrError::Option { name, value }),
+        None => Ok(()),
+    }
+}
+
+struct Tracker<'a> {
+    video: &'a DepthVideo,
+    mesh: &'a TriMesh,
+    options: &'a NrrOptions,
+    /// Half the diagonal of the surface's box.
+    scale: f64,
+    samples: Vec<u32>,
+    /// From rigid to twice the finest spacing.
+    coarse: Vec<(DeformationGraph, Pattern)>,
+    fine: DeformationGraph,
+    fine_pattern: Pattern,
+}
+
+impl<'a> Tracker<'a> {
+    fn new(
+        video: &'a DepthVideo,
+        mesh: &'a TriMesh,
+        options: &'a NrrOptions,
+    ) -> Result<Self, NrrError> {
+        let (vertices, faces) = (mesh.vertices(), mesh.faces());
+        let (low, high) = mesh.bounds();
+        let scale = (high - low).norm() / 2.0;
+        let stays = erode(vertices.len(), faces, options.erosion, 3);
+        let inner = on_faces(vertices.len(), faces, &stays);
+        let graph = |factor: f64| {
+            let spacing = options.spacing * scale * factor;
+            let whole = || on_faces(vertices.len(), faces, &vec![true; faces.len()]);
+            DeformationGraph::new(vertices, faces, &inner, spacing)
+                .or_else(|| DeformationGraph::new(vertices, faces, &whole(), spacing))
+                .ok_or(NrrError::NoNodes { n_faces: faces.len() })
+        };
+        let fine = graph(1.0)?;
+        let bound: Vec<u32> =
+            (0..vertices.len() as u32).filter(|it| fine.is_bound[*it as usize]).collect();
+        let step = bound.len().div_ceil(options.n_samples.max(1)).max(1);
+        let samples: Vec<u32> = bound.into_iter().step_by(step).collect();
+        let coarse = [DeformationGraph::rigid(vertices), graph(4.0)?, graph(2.0)?];
+        let with_pattern = |it: DeformationGraph| {
+            let pattern = Pattern::new(&it, &samples);
+            (it, pattern)
+        };
+        let coarse = coarse.into_iter().map(with_pattern).collect();
+        let fine_pattern = Pattern::new(&fine, &samples);
+        Ok(Self { video, mesh, options, scale, samples, coarse, fine, fine_pattern })
+    }
+
+    /// Tracks one frame from the motion of its neighbour.
+    fn step(&self, frame: usize, previous: &Motion) -> (Motion, Vec<Vec3>, FrameReport) {
+        let target = Target::new(self.video, frame, self.options.gate, self.options.smoothing);
+        let mut motion = previous.clone();
+        let (mut n_iterations, mut is_relocalized) = (0, false);
+        if !target.measured.is_empty() {
+            let before = warp(&self.fine, self.mesh.vertices(), &motion);
+            if self.is_off(&self.report(&target, &before)) {
+                let faces = self.mesh.faces();
+                let seed = self.options.seed ^ frame as u64;
+                if let Some(rigid) = relocalize(&target, &before, faces, self.scale, seed) {
+                    motion = self.moved(&motion, |it| rigid.0 * it + rigid.1, |_| rigid.0);
+                    is_relocalized = true;
+                }
+            }
+            (motion, n_iterations) = self.refine(&target, motion);
+        }
+        let vertices = warp(&self.fine, self.mesh.vertices(), &motion);
+        let mut report = self.report(&target, &vertices);
+        report.n_iterations = n_iterations;
+        report.is_relocalized = is_relocalized;
+        if self.is_off(&report) {
+            let vertices = warp(&self.fine, self.mesh.vertices(), previous);
+            report = FrameReport { is_lost: true, ..report };
+            return (previous.clone(), vertices, report);
+        }
+        (motion, vertices, report)
+    }
+
+    /// Whether a surface does not explain a frame.
+    fn is_off(&self, report: &FrameReport) -> bool {
+        !(report.iou >= self.options.least_iou && report.residual <= 0.1 * self.scale)
+    }
+
+    /// Level by level, from rigid to fine.
+    fn refine(&self, target: &Target, mut motion: Motion) -> (Motion, usize) {
+        let n_levels = self.coarse.len() + 1;
+        let mut n_iterations = 0;
+        for (index, (graph, pattern)) in self.coarse.iter().enumerate() {
+            let vertices = warp(&self.fine, self.mesh.vertices(), &motion);
+            let nodes: Vec<Vec3> = match graph.node_vertices.is_empty() {
+                true => vec![vertices.iter().sum::<Vec3>() / vertices.len() as f64],
+                false => graph.node_vertices.iter().map(|it| vertices[*it as usize]).collect(),
+            };
+            let posed = Posed { graph, nodes: &nodes, rest: &vertices, samples: &self.samples };
+            let level = self.level(posed, pattern, target);
+            let start = Motion::identity(graph.n_nodes());
+            let (found, n) = level.refine(start, &self.limits(index, n_levels));
+            n_iterations += n;
+            motion = self.carried(&motion, graph, &nodes, &found);
+        }
+        let rest = self.mesh.vertices();
+        let nodes = &self.fine.nodes;
+        let posed = Posed { graph: &self.fine, nodes, rest, samples: &self.samples };
+        let level = self.level(posed, &self.fine_pattern, target);
+        let (motion, n) = level.refine(motion, &self.limits(n_levels - 1, n_levels));
+        (motion, n_iterations + n)
+    }
+
+    fn level<'b>(
+        &'b self,
+        posed: Posed<'b>,
+        pattern: &'b Pattern,
+        target: &'b Target,
+    ) -> Level<'b> {
+        let terms = Terms {
+            data: 1000.0,
+            smooth: self.options.smoothness,
+            plane: 0.9,
+            huber: 0.02 * self.scale,
+        };
+        let (reverse, tolerance) = (self.options.reverse, self.options.tolerance);
+        Level { posed, pattern, faces: self.mesh.faces(), target, terms, reverse, tolerance }
+    }
+
+    /// The limits of a level's outer iterations: distances fall geometrically over all of them.
+    fn limits(&self, level: usize, n_levels: usize) -> Vec<Limits> {
+        let n = self.options.iterations;
+        let last = (n_levels * n).saturating_sub(1).max(1) as f64;
+        (0..n).map(|it| self.limit((level * n + it) as f64 / last)).collect()
+    }
+
+    /// The limits at a share of all iterations.
+    fn limit(&self, share: f64) -> Limits {
+        let (from, to) = (self.options.reach, self.options.final_reach);
+        Limits {
+            distance: self.scale * from * (to / from).powf(share),
+            cosine: self.options.max_angle_deg.to_radians().cos(),
+            occlusion: 0.02 * self.scale,
+        }
+    }
+
+    /// Applies a coarser level's motion to the fine nodes.
+    fn carried(
+        &self,
+        motion: &Motion,
+        graph: &DeformationGraph,
+        nodes: &[Vec3],
+        by: &Motion,
+    ) -> Motion {
+        let mut res = motion.clone();
+        for (node, vertex) in self.fine.node_vertices.iter().enumerate() {
+            let skin = &graph.skin[*vertex as usize];
+            let place = self.fine.nodes[node] + motion.translations[node];
+            res.translations[node] = by.point(nodes, skin, &place) - self.fine.nodes[node];
+            res.rotations[node] = by.rotation(skin) * motion.rotations[node];
+        }
+        res
+    }
+
+    /// Moves all fine nodes.
+    fn moved(
+        &self,
+        motion: &Motion,
+        point: impl Fn(Vec3) -> Vec3,
+        turn: impl Fn(usize) -> nalgebra::Rotation3<f64>,
+    ) -> Motion {
+        let mut res = motion.clone();
+        for (node, rest) in self.fine.nodes.iter().enumerate() {
+            res.translations[node] = point(rest + motion.translations[node]) - rest;
+            res.rotations[node] = turn(node) * motion.rotations[node];
+        }
+        res
+    }
+
+    /// Compares a surface with a frame.
+    fn report(&self, target: &Target, vertices: &[Vec3]) -> FrameReport {
+        let seen = Seen::new(target, vertices, self.mesh.faces());
+        let limits = self.limit(0.0);
+        let places: Vec<(u32, Vec3)> =
+            self.samples.iter().map(|it| (*it, vertices[*it as usize])).collect();
+        let (pairs, n_visible) = source_to_target(target, &seen, &places, &limits);
+        let distance =
+            |it: &super::correspond::Pair| (it.point - places[it.sample as usize].1).norm();
+        let residual = pairs.iter().map(distance).sum::<f64>() / pairs.len() as f64;
+        let (_, coverage) = target_to_source(target, &seen, &places, &limits, 1.0, 4000);
+        FrameReport {
+            residual,
+            coverage,
+            iou: iou(target, &seen),
+            visible: n_visible as f64 / places.len().max(1) as f64,
+            paired: pairs.len() as f64 / n_visible.max(1) as f64,
+            is_lost: false,
+            is_relocalized: false,
+            n_iterations: 0,
+        }
+    }
+}

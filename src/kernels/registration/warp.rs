@@ -1,0 +1,129 @@
+//! Moving a surface by a deformation graph.
+
+use nalgebra::{Matrix3, Rotation3};
+use rayon::prelude::*;
+
+use super::graph::{DeformationGraph, N_INFLUENCES};
+use crate::kernels::mesh::Vec3;
+
+/// A rotation and a translation for every node.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Motion {
+    pub rotations: Vec<Rotation3<f64>>,
+    pub translations: Vec<Vec3>,
+}
+
+impl Motion {
+    pub fn identity(n_nodes: usize) -> Self {
+        Self {
+            rotations: vec![Rotation3::identity(); n_nodes],
+            translations: vec![Vec3::zeros(); n_nodes],
+        }
+    }
+
+    /// Applies increments `(w, t)` of every node: `R <- exp(w) R`, `t <- t + dt`.
+    pub fn stepped(&self, step: &[f64]) -> Self {
+        let (six, _) = step.as_chunks::<6>();
+        let turn = |(it, by): (&Rotation3<f64>, &[f64; 6])| {
+            Rotation3::new(Vec3::new(by[0], by[1], by[2])) * it
+        };
+        let shift = |(it, by): (&Vec3, &[f64; 6])| it + Vec3::new(by[3], by[4], by[5]);
+        Self {
+            rotations: self.rotations.iter().zip(six).map(turn).collect(),
+            translations: self.translations.iter().zip(six).map(shift).collect(),
+        }
+    }
+
+    /// Where a point goes that nodes move:
+    /// `sum_j w_j (R_j (v - g_j) + g_j + t_j)`.
+    pub fn point(&self, nodes: &[Vec3], skin: &[(u32, f64); N_INFLUENCES], point: &Vec3) -> Vec3 {
+        let mut res = Vec3::zeros();
+        for &(node, weight) in skin.iter().filter(|it| it.1 > 0.0) {
+            let node = node as usize;
+            let place = nodes[node];
+            let moved = self.rotations[node] * (point - place) + place + self.translations[node];
+            res += moved * weight;
+        }
+        res
+    }
+
+    /// The rotation that is nearest to the weighted mean of the nodes' (Kabsch).
+    pub fn rotation(&self, skin: &[(u32, f64); N_INFLUENCES]) -> Rotation3<f64> {
+        let mut mean = Matrix3::zeros();
+        for &(node, weight) in skin.iter().filter(|it| it.1 > 0.0) {
+            mean += self.rotations[node as usize].matrix() * weight;
+        }
+        nearest_rotation(&mean)
+    }
+}
+
+/// All vertices after a motion of the graph.
+pub fn warp(graph: &DeformationGraph, rest: &[Vec3], motion: &Motion) -> Vec<Vec3> {
+    (rest.par_iter().zip(&graph.skin).with_min_len(1024))
+        .map(|(point, skin)| motion.point(&graph.nodes, skin, point))
+        .collect()
+}
+
+/// The rotation nearest to a matrix, by its singular value decomposition `U S V^T` (Kabsch 1976).
+///
+/// The third singular vectors are made from the first two, which makes the determinant 1 and does not
+/// depend on how well a vanishing third singular value is resolved.
+pub fn nearest_rotation(matrix: &Matrix3<f64>) -> Rotation3<f64> {
+    let svd = matrix.svd(true, true);
+    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Rotation3::identity() };
+    let frame = |first: Vec3, second: Vec3| -> Option<Matrix3<f64>> {
+        let first = first.try_normalize(1e-12)?;
+        let second = (second - first * first.dot(&second)).try_normalize(1e-12)?;
+        Some(Matrix3::from_columns(&[first, second, first.cross(&second)]))
+    };
+    let left = frame(u.column(0).into(), u.column(1).into());
+    let right = frame(v_t.row(0).transpose(), v_t.row(1).transpose());
+    match (left, right) {
+        (Some(left), Some(right)) => Rotation3::from_matrix_unchecked(left * right.transpose()),
+        _ => Rotation3::identity(),
+    }
+}
+
+/// The rigid motion `(R, t)` that brings points nearest to others: `R a + t ~ b` (Kabsch 1976).
+///
+/// Fewer than three points, or points on a line, get one of the equally good rotations.
+pub fn fit_rigid(pairs: &[(Vec3, Vec3)]) -> (Rotation3<f64>, Vec3) {
+    if pairs.is_empty() {
+        return (Rotation3::identity(), Vec3::zeros());
+    }
+    let n = pairs.len() as f64;
+    let from = pairs.iter().map(|it| it.0).sum::<Vec3>() / n;
+    let to = pairs.iter().map(|it| it.1).sum::<Vec3>() / n;
+    let covariance: Matrix3<f64> =
+        pairs.iter().map(|(a, b)| (b - to) * (a - from).transpose()).sum();
+    let rotation = nearest_rotation(&covariance);
+    (rotation, to - rotation * from)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernels::shapes;
+
+    #[test]
+    fn a_rigid_motion_of_all_nodes_is_rigid() {
+        let grid = shapes::rectangle(20, 20, 1.0, 1.0);
+        let may_hold = vec![true; grid.n_vertices()];
+        let graph = DeformationGraph::new(grid.vertices(), grid.faces(), &may_hold, 0.15).unwrap();
+        let rotation = Rotation3::new(Vec3::new(0.3, -0.5, 0.2));
+        let shift = Vec3::new(0.1, 0.2, -0.4);
+        let motion = Motion {
+            rotations: vec![rotation; graph.n_nodes()],
+            translations: graph.nodes.iter().map(|it| rotation * it + shift - it).collect(),
+        };
+        let warped = warp(&graph, grid.vertices(), &motion);
+        let mut pairs = Vec::new();
+        for (before, after) in grid.vertices().iter().zip(warped) {
+            assert!((rotation * before + shift - after).norm() < 1e-12);
+            pairs.push((*before, after));
+        }
+        let (found, by) = fit_rigid(&pairs);
+        let off = (found.matrix() - rotation.matrix()).norm();
+        assert!(off < 1e-7 && (by - shift).norm() < 1e-7, "{off}");
+    }
+}

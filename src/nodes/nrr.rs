@@ -1,0 +1,200 @@
+//! Kind `nrr`.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
+use crate::kernels::depth::{DepthVideo, mesh::depth_mesh};
+use crate::kernels::mesh::TriMesh;
+use crate::kernels::mesh_sequence::MeshSequence;
+use crate::kernels::registration::{FrameReport, NrrOptions, track};
+use crate::kernels::table::{Column, Table};
+
+/// Follows a surface through a depth video by non-rigid registration.
+///
+/// An embedded deformation graph is fitted to frame after frame by Gauss-Newton steps: first rigidly,
+/// then on graphs of four, two and one `spacing`. A frame that was not found stays as the one before
+/// and is reported as lost. Lengths are for a surface whose box has a diagonal of 2 m and are scaled
+/// with it, except for those in metres.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Nrr {
+    /// The frame in which the surface is seen first; tracking goes forward and backward from it.
+    pub source_frame: usize,
+    /// Without a `source`: the longest edge of the surface that is made, in metres.
+    #[schemars(range(min = 0.0))]
+    pub max_edge: f64,
+    /// Without a `source`: only every so many columns and rows are used.
+    #[schemars(range(min = 1, max = 64))]
+    pub stride: usize,
+    /// The distance between the nodes of the finest graph.
+    #[schemars(range(min = 0.001, max = 1.0))]
+    pub spacing: f64,
+    /// Outer iterations on each level.
+    #[schemars(range(min = 1, max = 200))]
+    pub iterations: usize,
+    /// The weight of smoothness against 1000 times the mean squared distance (Transfer4D: 10; fast limbs
+    /// want less).
+    #[schemars(range(min = 0.0001, max = 100_000.0))]
+    pub smoothness: f64,
+    /// The farthest that a frame's first pairs are apart; more follows faster motion.
+    #[schemars(range(min = 0.001, max = 10.0))]
+    pub reach: f64,
+    /// The farthest that a frame's last pairs are apart.
+    #[schemars(range(min = 0.001, max = 10.0))]
+    pub final_reach: f64,
+    /// The largest angle between normals of a pair, in degrees.
+    #[schemars(range(min = 1.0, max = 180.0))]
+    pub max_angle: f64,
+    /// The step in depth that separates surfaces, in metres; above the step of the sensor.
+    #[schemars(range(min = 0.0001, max = 10.0))]
+    pub gate: f64,
+    /// How many pixels around each one its depth is averaged over.
+    #[schemars(range(max = 10))]
+    pub smoothing: usize,
+    /// The weight of pairs from bare target points to the surface.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub reverse: f64,
+    /// How many vertices carry data at most.
+    #[schemars(range(min = 10, max = 1_000_000))]
+    pub samples: usize,
+    /// Rounds of erosion before nodes are placed.
+    #[schemars(range(max = 100))]
+    pub erosion: usize,
+    /// The least intersection over union of silhouettes; below, the subject is sought anew, and else
+    /// the frame is lost.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub least_iou: f64,
+    /// The decrease of the energy, relative, at which a level is done.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub tolerance: f64,
+    /// Decides on the trials when the subject is sought anew.
+    pub seed: u64,
+}
+
+impl Default for Nrr {
+    fn default() -> Self {
+        let options = NrrOptions::default();
+        Self {
+            source_frame: 0,
+            max_edge: 0.05,
+            stride: 1,
+            spacing: options.spacing,
+            iterations: options.iterations,
+            smoothness: options.smoothness,
+            reach: options.reach,
+            final_reach: options.final_reach,
+            max_angle: options.max_angle_deg,
+            gate: options.gate,
+            smoothing: options.smoothing,
+            reverse: options.reverse,
+            samples: options.n_samples,
+            erosion: options.erosion,
+            least_iou: options.least_iou,
+            tolerance: options.tolerance,
+            seed: options.seed,
+        }
+    }
+}
+
+impl Nrr {
+    const VIDEO: Input<DepthVideo> = Input::new("video", "the subject alone, cut out");
+    const SOURCE: OptionalInput<TriMesh> = OptionalInput::new(
+        "source",
+        "its surface in camera space as in `source_frame`; made from that frame if not given",
+    );
+    const SEQUENCE: Output<MeshSequence> =
+        Output::new("sequence", "the surface in every frame, in camera space");
+    const SOURCE_MESH: Output<TriMesh> = Output::new("mesh", "the surface in the source frame");
+    const REPORT: Output<Table> =
+        Output::new("report", "one row a frame: residual, coverage, overlap, whether it is lost");
+
+    fn options(&self) -> NrrOptions {
+        NrrOptions {
+            spacing: self.spacing,
+            iterations: self.iterations,
+            smoothness: self.smoothness,
+            reach: self.reach,
+            final_reach: self.final_reach,
+            max_angle_deg: self.max_angle,
+            gate: self.gate,
+            smoothing: self.smoothing,
+            reverse: self.reverse,
+            n_samples: self.samples,
+            erosion: self.erosion,
+            least_iou: self.least_iou,
+            tolerance: self.tolerance,
+            seed: self.seed,
+        }
+    }
+}
+
+fn report_table(reports: &[FrameReport]) -> Table {
+    let numbers = |name: &str, unit: &str, of: &dyn Fn(&FrameReport) -> f64| {
+        Column::numbers(name, unit, reports.iter().map(of).collect())
+    };
+    let flag = |it: bool| f64::from(u8::from(it));
+    Table::new(vec![
+        Column::numbers("frame", "", (0..reports.len()).map(|it| it as f64).collect()),
+        numbers("residual", "m", &|it| it.residual),
+        numbers("coverage", "", &|it| it.coverage),
+        numbers("iou", "", &|it| it.iou),
+        numbers("visible", "", &|it| it.visible),
+        numbers("paired", "", &|it| it.paired),
+        numbers("lost", "", &|it| flag(it.is_lost)),
+        numbers("relocalized", "", &|it| flag(it.is_relocalized)),
+        numbers("iterations", "", &|it| it.n_iterations as f64),
+    ])
+}
+
+impl Node for Nrr {
+    const SPEC: Spec = Spec {
+        kind: "nrr",
+        version: 1,
+        inputs: &[Self::VIDEO.port(), Self::SOURCE.port()],
+        outputs: &[Self::SEQUENCE.port(), Self::SOURCE_MESH.port(), Self::REPORT.port()],
+        cites: &[],
+        example: r#"[nodes.body]
+kind = "synthesize"
+n_vertices = 1000
+
+[nodes.film]
+kind = "render_depth"
+mesh = "@body.mesh"
+skeleton = "@body.skeleton"
+weights = "@body.weights"
+clip = "@body.clip"
+frames = 3
+width = 160
+height = 120
+
+[nodes.tracked]
+kind = "nrr"
+video = "@film.video"
+spacing = 0.1
+gate = 0.15
+max_edge = 0.15
+"#,
+    };
+
+    fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
+        let video = io.get(Self::VIDEO);
+        let source = match io.get_optional(Self::SOURCE) {
+            Some(source) => TriMesh::clone(&source),
+            None => depth_mesh(&video, self.source_frame, self.max_edge, self.stride)?.0,
+        };
+        let tracked = track(&video, &source, self.source_frame, &self.options())?;
+        let lost: Vec<String> = (tracked.reports.iter().enumerate())
+            .filter(|it| it.1.is_lost)
+            .map(|it| it.0.to_string())
+            .collect();
+        if !lost.is_empty() {
+            io.note(format!("{} frames are lost: {}", lost.len(), lost.join(", ")));
+        }
+        io.note(format!("{} vertices, {} nodes", source.n_vertices(), tracked.n_nodes));
+        io.put(Self::REPORT, report_table(&tracked.reports));
+        io.put(Self::SEQUENCE, tracked.sequence);
+        io.put(Self::SOURCE_MESH, source);
+        Ok(())
+    }
+}
