@@ -69,7 +69,8 @@ mod tests {
         assert_eq!((skeleton.n_cycles(), skeleton.node_of_vertex().len()), (1, 3600));
         for (vertex, &node) in mesh.vertices().iter().zip(skeleton.node_of_vertex()) {
             let distance = (vertex - skeleton.positions()[node as usize]).norm();
-            assert!(distance < 0.5, "{distance}");
+            // The tube's radius is 0.3, and nodes are up to 0.4 apart along it.
+            assert!(distance < 0.55, "{distance}");
         }
     }
 }

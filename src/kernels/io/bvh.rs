@@ -292,17 +292,17 @@ Frame Time: 0.025
         check("Xposition", "Wposition", "line 5: the channel `wposition` is unknown");
         check("OFFSET 2 0 0", "OFFSET 2 0 x", "line 8: `x` instead of an offset");
         check("}\nMOTION", "MOTION", "line 15: 1 `}` too few");
-        check("0.025", "0", "line 17: a frame takes 0 seconds");
+        check("0.025", "0", "line 18: a frame takes 0 seconds");
         check(
             "1 0 0 90 0 0 90 90 0\n",
             "1 0 0 90\n",
-            "line 19: the file ends where a value of frame 1, joint `Hips` should stand",
+            "line 20: the file ends where a value of frame 1, joint `Hips` should stand",
         );
-        check("90 90 0\n", "90 90 0 7\n", "line 19: `7` after the last of 2 frames");
+        check("90 90 0\n", "90 90 0 7\n", "line 20: `7` after the last of 2 frames");
         check(
             "90 90 0\n",
             "90 90 nan\n",
-            "line 19: `nan` instead of a value of frame 1, joint `Left Arm`",
+            "line 20: `nan` instead of a value of frame 1, joint `Left Arm`",
         );
     }
 
