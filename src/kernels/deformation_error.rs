@@ -1,7 +1,7 @@
 //! How far a mesh in motion is from the same mesh moved by its true rig.
 
 use super::{
-    joint_error::HeightAxis,
+    joint_error::{self, HeightAxis},
     mesh::{TriMesh, Vec3},
     mesh_sequence::MeshSequence,
     topology::Edges,
@@ -71,14 +71,7 @@ pub fn deformation_errors(
 /// # Errors
 /// [`DeformationError::NoHeight`].
 pub fn height(mesh: &TriMesh, axis: HeightAxis) -> Result<f64, DeformationError> {
-    let (low, high) = mesh.bounds();
-    let extents = high - low;
-    let height = match axis {
-        HeightAxis::X => extents.x,
-        HeightAxis::Y => extents.y,
-        HeightAxis::Z => extents.z,
-        HeightAxis::Largest => extents.max(),
-    };
+    let height = joint_error::height(mesh, axis);
     if height > 0.0 { Ok(height) } else { Err(DeformationError::NoHeight) }
 }
 

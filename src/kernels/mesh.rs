@@ -128,6 +128,16 @@ impl TriMesh {
         self.vertices.iter().fold((first, first), |(lo, hi), it| (lo.inf(it), hi.sup(it)))
     }
 
+    /// A third of the area of the faces around each vertex.
+    pub fn vertex_areas(&self) -> Vec<f64> {
+        let mut areas = vec![0.0; self.n_vertices()];
+        for (face, corners) in self.faces.iter().enumerate() {
+            let third = self.area_vector(face).norm() / 3.0;
+            corners.iter().for_each(|&it| areas[it as usize] += third);
+        }
+        areas
+    }
+
     /// Area-weighted unit normals, one a vertex; zero where no face has an area.
     pub fn vertex_normals(&self) -> Vec<Vec3> {
         let mut normals = vec![Vec3::zeros(); self.n_vertices()];

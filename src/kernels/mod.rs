@@ -62,6 +62,7 @@ pub mod matrix_image;
 pub mod mesh;
 pub mod mesh_sequence;
 pub mod nearest;
+pub mod neighbour_means;
 pub mod normalize;
 pub mod operator;
 pub mod point_map;

@@ -222,18 +222,13 @@ fn moments(offsets: &[Vec3], shares: &[f64], weight: f64) -> impl Iterator<Item 
     moments.into_iter().map(move |coefficients| Condition { coefficients, value: 0.0, weight })
 }
 
-/// A third of the faces around each vertex; points of a cloud count alike.
+/// What each vertex stands for; points of a cloud count alike.
 fn vertex_areas(mesh: &TriMesh) -> Vec<f64> {
     if mesh.is_point_cloud() {
         let (low, high) = mesh.bounds();
         return vec![(high - low).norm_squared() / mesh.n_vertices() as f64; mesh.n_vertices()];
     }
-    let mut areas = vec![0.0; mesh.n_vertices()];
-    for (face, corners) in mesh.faces().iter().enumerate() {
-        let share = mesh.area_vector(face).norm() / 3.0;
-        corners.iter().for_each(|&it| areas[it as usize] += share);
-    }
-    areas
+    mesh.vertex_areas()
 }
 
 #[cfg(test)]

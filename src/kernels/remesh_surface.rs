@@ -6,12 +6,14 @@ use super::{
     corner_table::TopologyError,
     decimate::closest_on_triangle,
     mesh::{MeshError, TriMesh, Vec3},
+    neighbour_means::neighbour_means,
     point_tree::PointTree,
     random::Random,
     remesh::{RemeshOptions, remesh},
     resampled::Resampled,
     shuffle::shuffled,
     sparse::CsrMatrix,
+    triangle_tree::{Nearest, TriangleTree},
 };
 
 /// How edge lengths vary over the surface.
@@ -61,103 +63,37 @@ pub fn remesh_surface(
     if !(mesh.area() > 0.0) {
         return Err(RemeshError::Flat);
     }
-    let surface = Surface::new(mesh);
+    let (surface, places) = (TriangleTree::new(mesh), PointTree::new(mesh.vertices()));
     let sizes = sizes(mesh, options);
-    let size = |it: Vec3| sizes[surface.nearest_vertex(it) as usize];
-    let project = |it: Vec3| surface.closest(it).position;
+    let size = |it: Vec3| sizes[nearest_vertex(&places, it) as usize];
+    let project = |it: Vec3| surface.nearest(it).point;
     let kernel_options = RemeshOptions { n_vertices: options.n_vertices, rounds: 5 };
     let made = remesh(mesh, &kernel_options, &size, &project)?;
     let made = shuffled(&made, &mut Random::stream(options.seed, "order"));
-    let closest: Vec<Closest> = made.vertices().par_iter().map(|&it| surface.closest(it)).collect();
-    let triplets: Vec<(u32, u32, f64)> = closest
+    let nearest: Vec<Nearest> = made.vertices().par_iter().map(|&it| surface.nearest(it)).collect();
+    let triplets: Vec<(u32, u32, f64)> = nearest
         .iter()
         .enumerate()
         .flat_map(|(new, it)| {
             let corners = mesh.faces()[it.face as usize];
+            let weights = closest_on_triangle(&it.point, &mesh.corners(it.face as usize));
             (0..3)
-                .filter(|&corner| it.weights[corner] > 0.0)
-                .map(move |corner| (new as u32, corners[corner], it.weights[corner]))
+                .filter(move |&corner| weights[corner] > 0.0)
+                .map(move |corner| (new as u32, corners[corner], weights[corner]))
         })
         .collect();
     let new_from_old = CsrMatrix::from_triplets(made.n_vertices(), mesh.n_vertices(), &triplets);
     let tree = PointTree::new(made.vertices());
-    let stand_in = |it: &Vec3| {
-        let mut found = Vec::new();
-        tree.nearest(*it, 1, &mut found);
-        found.first().map(|it| it.1)
-    };
+    let stand_in = |it: &Vec3| Some(nearest_vertex(&tree, *it));
     let new_of_old = mesh.vertices().par_iter().map(stand_in).collect();
-    let vertices = closest.iter().map(|it| it.position).collect();
+    let vertices = nearest.iter().map(|it| it.point).collect();
     Ok(Resampled { mesh: made.with_vertices(vertices)?, new_from_old, new_of_old })
 }
 
-/// A point of the surface.
-struct Closest {
-    face: u32,
-    /// Barycentric, of the face's corners.
-    weights: [f64; 3],
-    position: Vec3,
-}
-
-/// A mesh in which closest points are looked for.
-struct Surface<'a> {
-    mesh: &'a TriMesh,
-    tree: PointTree,
-    /// The faces of every vertex, one after the other, and where each vertex's begin.
-    faces: Vec<u32>,
-    offsets: Vec<u32>,
-}
-
-/// Vertices near a place whose faces are searched for the closest point.
-const NEIGHBOURS: usize = 6;
-
-impl<'a> Surface<'a> {
-    fn new(mesh: &'a TriMesh) -> Self {
-        let mut offsets = vec![0u32; mesh.n_vertices() + 1];
-        for &vertex in mesh.faces().iter().flatten() {
-            offsets[vertex as usize + 1] += 1;
-        }
-        for vertex in 0..mesh.n_vertices() {
-            offsets[vertex + 1] += offsets[vertex];
-        }
-        let mut next = offsets.clone();
-        let mut faces = vec![0u32; 3 * mesh.n_faces()];
-        for (face, corners) in mesh.faces().iter().enumerate() {
-            for &vertex in corners {
-                faces[next[vertex as usize] as usize] = face as u32;
-                next[vertex as usize] += 1;
-            }
-        }
-        Self { mesh, tree: PointTree::new(mesh.vertices()), faces, offsets }
-    }
-
-    fn nearest_vertex(&self, place: Vec3) -> u32 {
-        let mut found = Vec::with_capacity(2);
-        self.tree.nearest(place, 1, &mut found);
-        found[0].1
-    }
-
-    /// The closest point on the faces of the nearest vertices.
-    fn closest(&self, place: Vec3) -> Closest {
-        let mut found = Vec::with_capacity(NEIGHBOURS + 1);
-        self.tree.nearest(place, NEIGHBOURS, &mut found);
-        let mut best = None;
-        let mut least = f64::INFINITY;
-        for &(_, vertex) in &found {
-            let range = self.offsets[vertex as usize]..self.offsets[vertex as usize + 1];
-            for &face in &self.faces[range.start as usize..range.end as usize] {
-                let corners = self.mesh.corners(face as usize);
-                let weights = closest_on_triangle(&place, &corners);
-                let position: Vec3 = corners.iter().zip(weights).map(|(p, w)| p * w).sum();
-                let distance = (position - place).norm_squared();
-                if distance < least {
-                    least = distance;
-                    best = Some(Closest { face, weights, position });
-                }
-            }
-        }
-        best.expect("vertices of a closed surface have faces")
-    }
+fn nearest_vertex(tree: &PointTree, place: Vec3) -> u32 {
+    let mut found = Vec::with_capacity(2);
+    tree.nearest(place, 1, &mut found);
+    found[0].1
 }
 
 /// The wanted edge length at every vertex of the mesh, up to a common factor.
@@ -193,24 +129,7 @@ fn bending_radii(mesh: &TriMesh) -> Vec<f64> {
             bending[b] = bending[b].max(turn);
         }
     }
-    smoothed(mesh, bending).iter().map(|it| 1.0 / it.max(1e-3 / scale)).collect()
-}
-
-/// Means over neighbours, three times.
-fn smoothed(mesh: &TriMesh, mut values: Vec<f64>) -> Vec<f64> {
-    for _ in 0..3 {
-        let mut sums = values.clone();
-        let mut counts = vec![1.0; values.len()];
-        for face in mesh.faces() {
-            for corner in 0..3 {
-                let (to, from) = (face[corner] as usize, face[(corner + 1) % 3] as usize);
-                sums[to] += values[from];
-                counts[to] += 1.0;
-            }
-        }
-        values = sums.iter().zip(&counts).map(|(sum, count)| sum / count).collect();
-    }
-    values
+    neighbour_means(mesh, bending, 3).iter().map(|it| 1.0 / it.max(1e-3 / scale)).collect()
 }
 
 /// A sum of a few waves in space.

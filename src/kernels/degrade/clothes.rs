@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use crate::kernels::{
     mesh::{MeshError, TriMesh, Vec3},
+    neighbour_means::neighbour_means,
     random::Random,
 };
 
@@ -38,24 +39,14 @@ pub fn clothes(
         let t = ((nearest / unit - SLEEVE[0]) / (SLEEVE[1] - SLEEVE[0])).clamp(0.0, 1.0);
         t * t * (3.0 - 2.0 * t)
     };
-    let normals = smoothed(mesh, mesh.vertex_normals());
+    let normals = neighbour_means(mesh, mesh.vertex_normals(), 8);
     let moved = mesh.vertices().iter().zip(&normals);
     mesh.with_vertices(
-        moved.map(|(at, normal)| at + normal * (distance * covered(at) * fold(at))).collect(),
+        moved
+            .map(|(at, normal)| {
+                let normal = normal.try_normalize(0.0).unwrap_or_default();
+                at + normal * (distance * covered(at) * fold(at))
+            })
+            .collect(),
     )
-}
-
-/// Unit means over neighbours, eight times.
-fn smoothed(mesh: &TriMesh, mut normals: Vec<Vec3>) -> Vec<Vec3> {
-    for _ in 0..8 {
-        let mut sums = normals.clone();
-        for face in mesh.faces() {
-            for corner in 0..3 {
-                let (to, from) = (face[corner] as usize, face[(corner + 1) % 3] as usize);
-                sums[to] += normals[from];
-            }
-        }
-        normals = sums.iter().map(|it| it.try_normalize(0.0).unwrap_or_default()).collect();
-    }
-    normals
 }

@@ -1,15 +1,20 @@
 //! The part of a surface that a camera sees.
 
+use nalgebra::Rotation3;
+
 use super::DegradeError;
+use crate::kernels::depth::{Intrinsics, raster::ZBuffer};
 use crate::kernels::mesh::{TriMesh, Vec3};
 
-/// The picture's longer side, in pixels.
-const RESOLUTION: f64 = 1024.0;
+/// Pixels along the sides of the picture.
+const RESOLUTION: usize = 1024;
+
+/// How far away the camera is, in diagonals of the bounding box: nearly parallel rays.
+const DISTANCE: f64 = 20.0;
 
 /// Which faces are seen from at least one of the directions (from the shape to a camera far away).
 ///
-/// A face is seen if it faces the camera, and the depth buffer of an orthographic picture has nothing
-/// before its middle.
+/// A face is seen if it faces the camera, and the depth buffer has nothing before its middle.
 ///
 /// # Errors
 /// [`DegradeError::NoDirection`].
@@ -20,93 +25,49 @@ pub fn visible_faces(mesh: &TriMesh, directions: &[Vec3]) -> Result<Vec<bool>, D
         let picture = Picture::new(mesh, direction);
         for (face, seen) in seen.iter_mut().enumerate() {
             let facing = mesh.area_vector(face).dot(&direction) > 0.0;
-            *seen |= facing && picture.shows(mesh.corners(face));
+            *seen |= facing && picture.shows(mesh.faces()[face]);
         }
     }
     Ok(seen)
 }
 
-/// The depths of an orthographic picture; larger is nearer to the camera.
+/// The depths that a camera sees, with the vertices in its frame at a diagonal of one.
 struct Picture {
-    /// Two axes of the picture in pixels, and the direction to the camera in the mesh's unit.
-    axes: [Vec3; 3],
-    low: [f64; 2],
-    width: usize,
-    depths: Vec<f64>,
-    /// The side of a pixel.
-    pixel: f64,
+    vertices: Vec<Vec3>,
+    camera: Intrinsics,
+    buffer: ZBuffer,
 }
 
 impl Picture {
     fn new(mesh: &TriMesh, direction: Vec3) -> Self {
+        let (low, high) = mesh.bounds();
+        let (middle, diagonal) = (0.5 * (low + high), (high - low).norm().max(f64::MIN_POSITIVE));
         let other = if direction.y.abs() < 0.9 { Vec3::y() } else { Vec3::x() };
-        let right = other.cross(&direction).normalize();
-        let up = direction.cross(&right);
-        let extent = |axis: Vec3| {
-            let values = mesh.vertices().iter().map(|it| axis.dot(it));
-            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), it| (l.min(it), h.max(it)))
+        // The camera looks along its +Z, against the direction.
+        let camera_from_world = Rotation3::look_at_lh(&-direction, &other);
+        let place = |it: &Vec3| {
+            camera_from_world * ((it - middle) / diagonal) + Vec3::new(0.0, 0.0, DISTANCE)
         };
-        let (x, y) = (extent(right), extent(up));
-        let pixel = ((x.1 - x.0).max(y.1 - y.0) / RESOLUTION).max(f64::MIN_POSITIVE);
-        let (width, height) =
-            (((x.1 - x.0) / pixel) as usize + 2, ((y.1 - y.0) / pixel) as usize + 2);
-        let mut res = Self {
-            axes: [right / pixel, up / pixel, direction],
-            low: [x.0 / pixel, y.0 / pixel],
-            width,
-            depths: vec![f64::NEG_INFINITY; width * height],
-            pixel,
-        };
-        for face in 0..mesh.n_faces() {
-            res.draw(mesh.corners(face));
-        }
-        res
-    }
-
-    fn place(&self, point: &Vec3) -> [f64; 3] {
-        let [x, y, z] = [0, 1, 2].map(|it| self.axes[it].dot(point));
-        [x - self.low[0], y - self.low[1], z]
-    }
-
-    fn draw(&mut self, corners: [Vec3; 3]) {
-        let [a, b, c] = [0, 1, 2].map(|it| self.place(&corners[it]));
-        let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
-        if area == 0.0 {
-            return;
-        }
-        let range = |axis: usize| {
-            let values = [a[axis], b[axis], c[axis]];
-            let low = values.iter().fold(f64::INFINITY, |m, it| m.min(*it));
-            let high = values.iter().fold(f64::NEG_INFINITY, |m, it| m.max(*it));
-            (low - 0.5).ceil().max(0.0) as usize..=(high - 0.5).floor().max(0.0) as usize
-        };
-        for row in range(1) {
-            for column in range(0) {
-                let (x, y) = (column as f64 + 0.5, row as f64 + 0.5);
-                let wb = ((x - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (y - a[1])) / area;
-                let wc = ((b[0] - a[0]) * (y - a[1]) - (x - a[0]) * (b[1] - a[1])) / area;
-                if wb >= 0.0 && wc >= 0.0 && wb + wc <= 1.0 {
-                    let depth = a[2] + wb * (b[2] - a[2]) + wc * (c[2] - a[2]);
-                    let at = &mut self.depths[row * self.width + column];
-                    *at = at.max(depth);
-                }
-            }
-        }
+        let vertices: Vec<Vec3> = mesh.vertices().iter().map(place).collect();
+        // The box's diagonal fills the picture but for a rim.
+        let focal = DISTANCE * 0.95 * RESOLUTION as f64;
+        let center = 0.5 * (RESOLUTION - 1) as f64;
+        let camera = Intrinsics { fx: focal, fy: focal, cx: center, cy: center };
+        let buffer = ZBuffer::draw([RESOLUTION, RESOLUTION], &camera, &vertices, mesh.faces());
+        Self { vertices, camera, buffer }
     }
 
     /// Whether nothing lies before a face's middle by more than its own slope explains.
-    fn shows(&self, corners: [Vec3; 3]) -> bool {
+    fn shows(&self, face: [u32; 3]) -> bool {
+        let corners = face.map(|it| self.vertices[it as usize]);
         let middle = corners.iter().sum::<Vec3>() / 3.0;
-        let [x, y, z] = self.place(&middle);
-        let [before, after] = [0, 1].map(|it| {
-            let depths = corners.map(|corner| self.axes[2].dot(&corner));
-            if it == 0 {
-                depths.iter().fold(f64::INFINITY, |m, d| m.min(*d))
-            } else {
-                depths.iter().fold(f64::NEG_INFINITY, |m, d| m.max(*d))
-            }
-        });
-        let slack = (after - before) + 4.0 * self.pixel;
-        self.depths[y as usize * self.width + x as usize] <= z + slack
+        let [u, v] = self.camera.project(&middle).map(|it| it.round() as usize);
+        let depth = f64::from(
+            self.buffer.depths[v.min(RESOLUTION - 1) * RESOLUTION + u.min(RESOLUTION - 1)],
+        );
+        let depths = corners.map(|it| it.z);
+        let slope = depths.iter().fold(0.0f64, |most, it| most.max((it - middle.z).abs()));
+        let slack = 2.0 * slope + 4.0 / RESOLUTION as f64;
+        depth == 0.0 || depth >= middle.z - slack
     }
 }

@@ -33,7 +33,7 @@ impl Surface {
     /// connected are joined where they come close: characters are often made of several shells.
     pub fn of(mesh: &TriMesh) -> Self {
         let mut ways = mesh_ways(mesh);
-        let areas = vertex_areas(mesh);
+        let areas = mesh.vertex_areas();
         let parts = Self::new(mesh, ways.clone(), Vec::new()).components();
         if parts.iter().any(|&it| it != parts[0]) {
             ways.extend(bridges(mesh, &parts));
@@ -152,15 +152,6 @@ fn bridges(mesh: &TriMesh, parts: &[usize]) -> Vec<(u32, u32, f64)> {
 /// The first of the greatest values.
 pub fn farthest(values: &[f64]) -> usize {
     (0..values.len()).fold(0, |best, it| if values[it] > values[best] { it } else { best })
-}
-
-fn vertex_areas(mesh: &TriMesh) -> Vec<f64> {
-    let mut areas = vec![0.0; mesh.n_vertices()];
-    for (face, corners) in mesh.faces().iter().enumerate() {
-        let third = mesh.area_vector(face).norm() / 3.0;
-        corners.iter().for_each(|&it| areas[it as usize] += third);
-    }
-    areas
 }
 
 fn mesh_ways(mesh: &TriMesh) -> Vec<(u32, u32, f64)> {

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Rotation3};
 use rayon::prelude::*;
 
 use super::graph::{DeformationGraph, N_INFLUENCES};
-use crate::kernels::mesh::Vec3;
+use crate::kernels::{kabsch::best_rotation, mesh::Vec3};
 
 /// A rotation and a translation for every node.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,7 +53,7 @@ impl Motion {
         for &(node, weight) in skin.iter().filter(|it| it.1 > 0.0) {
             mean += self.rotations[node as usize].matrix() * weight;
         }
-        nearest_rotation(&mean)
+        best_rotation(&mean).to_rotation_matrix()
     }
 }
 
@@ -62,26 +62,6 @@ pub fn warp(graph: &DeformationGraph, rest: &[Vec3], motion: &Motion) -> Vec<Vec
     (rest.par_iter().zip(&graph.skin).with_min_len(1024))
         .map(|(point, skin)| motion.point(&graph.nodes, skin, point))
         .collect()
-}
-
-/// The rotation nearest to a matrix, by its singular value decomposition `U S V^T` (Kabsch 1976).
-///
-/// The third singular vectors are made from the first two, which makes the determinant 1 and does not
-/// depend on how well a vanishing third singular value is resolved.
-pub fn nearest_rotation(matrix: &Matrix3<f64>) -> Rotation3<f64> {
-    let svd = matrix.svd(true, true);
-    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Rotation3::identity() };
-    let frame = |first: Vec3, second: Vec3| -> Option<Matrix3<f64>> {
-        let first = first.try_normalize(1e-12)?;
-        let second = (second - first * first.dot(&second)).try_normalize(1e-12)?;
-        Some(Matrix3::from_columns(&[first, second, first.cross(&second)]))
-    };
-    let left = frame(u.column(0).into(), u.column(1).into());
-    let right = frame(v_t.row(0).transpose(), v_t.row(1).transpose());
-    match (left, right) {
-        (Some(left), Some(right)) => Rotation3::from_matrix_unchecked(left * right.transpose()),
-        _ => Rotation3::identity(),
-    }
 }
 
 /// The rigid motion `(R, t)` that brings points nearest to others: `R a + t ~ b` (Kabsch 1976).
@@ -96,7 +76,7 @@ pub fn fit_rigid(pairs: &[(Vec3, Vec3)]) -> (Rotation3<f64>, Vec3) {
     let to = pairs.iter().map(|it| it.1).sum::<Vec3>() / n;
     let covariance: Matrix3<f64> =
         pairs.iter().map(|(a, b)| (b - to) * (a - from).transpose()).sum();
-    let rotation = nearest_rotation(&covariance);
+    let rotation = best_rotation(&covariance).to_rotation_matrix();
     (rotation, to - rotation * from)
 }
 
