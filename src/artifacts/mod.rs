@@ -19,6 +19,7 @@ mod operator;
 mod point_map;
 mod regressor;
 mod rig;
+mod segment_map;
 mod skeleton;
 mod sparse;
 mod spectral_regressor;
@@ -56,6 +57,7 @@ pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<kernels::functional_map::PointMap>(),
     ArtifactKind::of::<kernels::regressor::Regressor>(),
     ArtifactKind::of::<Rig>(),
+    ArtifactKind::of::<kernels::segment_map::SegmentMap>(),
     ArtifactKind::of::<kernels::skeleton::Skeleton>(),
     ArtifactKind::of::<kernels::regressor::SpectralRegressor>(),
     ArtifactKind::of::<kernels::table::Table>(),

@@ -82,6 +82,7 @@ pub mod retarget_bones;
 pub mod rig_landmarks;
 pub mod rooted_skeleton;
 pub mod sample_points;
+pub mod segment_map;
 pub mod shapes;
 pub mod shuffle;
 pub mod simplify_skeleton;
