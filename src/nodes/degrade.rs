@@ -64,7 +64,7 @@ impl Degrade {
 impl Node for Degrade {
     const SPEC: Spec = Spec {
         kind: "degrade",
-        version: 1,
+        version: 2,
         inputs: &[Self::MESH.port(), Self::WEIGHTS.port(), Self::LANDMARKS.port()],
         outputs: &[Self::MADE.port(), Self::NEW_WEIGHTS.port(), Self::NEW_LANDMARKS.port()],
         cites: &[],

@@ -150,7 +150,7 @@ fn report_table(reports: &[FrameReport]) -> Table {
 impl Node for Nrr {
     const SPEC: Spec = Spec {
         kind: "nrr",
-        version: 1,
+        version: 2,
         inputs: &[Self::VIDEO.port(), Self::SOURCE.port()],
         outputs: &[Self::SEQUENCE.port(), Self::SOURCE_MESH.port(), Self::REPORT.port()],
         cites: &[],

@@ -55,7 +55,7 @@ impl Remesh {
 impl Node for Remesh {
     const SPEC: Spec = Spec {
         kind: "remesh",
-        version: 1,
+        version: 2,
         inputs: &[Self::MESH.port(), Self::WEIGHTS.port(), Self::LANDMARKS.port()],
         outputs: &[Self::MADE.port(), Self::NEW_WEIGHTS.port(), Self::NEW_LANDMARKS.port()],
         cites: &["botsch2004remeshing"],
