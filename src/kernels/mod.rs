@@ -87,6 +87,7 @@ pub mod shapes;
 pub mod shuffle;
 pub mod simplify_skeleton;
 pub mod skeleton;
+pub mod skeleton_baselines;
 pub mod skeleton_cleanup;
 pub mod skeleton_placement;
 pub mod skeleton_transfer;

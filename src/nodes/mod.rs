@@ -49,6 +49,9 @@ mod rooted_skeleton;
 mod segment;
 mod simplify_skeleton;
 mod skeletonize;
+mod skeletonize_kmeans;
+mod skeletonize_le;
+mod skeletonize_zhang;
 mod skin_weights;
 mod snapshot;
 mod spectral_regressor;
@@ -110,6 +113,9 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<segment::Segment>(),
     NodeKind::of::<simplify_skeleton::SimplifySkeleton>(),
     NodeKind::of::<skeletonize::Skeletonize>(),
+    NodeKind::of::<skeletonize_kmeans::SkeletonizeKmeans>(),
+    NodeKind::of::<skeletonize_le::SkeletonizeLe>(),
+    NodeKind::of::<skeletonize_zhang::SkeletonizeZhang>(),
     NodeKind::of::<skin_weights::SkinWeightsNode>(),
     NodeKind::of::<snapshot::Snapshot>(),
     NodeKind::of::<spectral_regressor::SpectralRegressorNode>(),
