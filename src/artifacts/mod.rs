@@ -21,6 +21,7 @@ mod regressor;
 mod rig;
 mod segment_map;
 mod skeleton;
+mod skeleton_match;
 mod sparse;
 mod spectral_regressor;
 mod table;
@@ -59,6 +60,7 @@ pub static ALL: &[ArtifactKind] = &[
     ArtifactKind::of::<Rig>(),
     ArtifactKind::of::<kernels::segment_map::SegmentMap>(),
     ArtifactKind::of::<kernels::skeleton::Skeleton>(),
+    ArtifactKind::of::<kernels::skeleton_match::SkeletonMatch>(),
     ArtifactKind::of::<kernels::regressor::SpectralRegressor>(),
     ArtifactKind::of::<kernels::table::Table>(),
     ArtifactKind::of::<kernels::text::Text>(),

@@ -30,6 +30,7 @@ mod load_motion;
 mod load_skeleton;
 mod make_body;
 mod map_quality;
+mod match_skeletons;
 mod normalize;
 mod nrr;
 mod pick_frame;
@@ -47,6 +48,7 @@ mod retarget;
 mod rig;
 mod rooted_skeleton;
 mod segment;
+mod segment_map;
 mod simplify_skeleton;
 mod skeletonize;
 mod skeletonize_kmeans;
@@ -94,6 +96,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<load_skeleton::LoadSkeleton>(),
     NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<map_quality::MapQuality>(),
+    NodeKind::of::<match_skeletons::MatchSkeletons>(),
     NodeKind::of::<normalize::Normalize>(),
     NodeKind::of::<nrr::Nrr>(),
     NodeKind::of::<pick_frame::PickFrame>(),
@@ -111,6 +114,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<rooted_skeleton::RootedSkeleton>(),
     NodeKind::of::<segment::Segment>(),
+    NodeKind::of::<segment_map::SegmentMapNode>(),
     NodeKind::of::<simplify_skeleton::SimplifySkeleton>(),
     NodeKind::of::<skeletonize::Skeletonize>(),
     NodeKind::of::<skeletonize_kmeans::SkeletonizeKmeans>(),
