@@ -1,9 +1,8 @@
 //! A motion of one skeleton for another that has joints of the same names.
 
-use nalgebra::{Isometry3, UnitQuaternion};
-
 use super::{
     clip::Clip,
+    clip_frames::{empty_clip, push_frame},
     fit_clip::fit_clip,
     skeleton::Skeleton,
     skinning::{SkinningError, world_from_joint},
@@ -55,27 +54,22 @@ pub fn retarget(
             n_own: skeleton.n_joints(),
         });
     }
-    let n_joints = skeleton.n_joints();
-    let capacity = clip.n_frames() * n_joints;
-    let mut res = Clip {
-        name: clip.name.clone(),
-        frames_per_second: clip.frames_per_second,
-        n_joints,
-        rotations: Vec::with_capacity(capacity),
-        translations: Vec::with_capacity(capacity),
-    };
+    let (n_joints, parents) = (skeleton.n_joints(), skeleton.parents());
+    let mut res = empty_clip(clip, n_joints);
     for frame in 0..clip.n_frames() {
         let theirs = world_from_joint(clip_skeleton, clip, frame)?;
-        let mut own: Vec<Isometry3<f64>> = Vec::with_capacity(n_joints);
-        for (joint, parent) in skeleton.parents().iter().enumerate() {
-            let above = parent.map(|it| own[it]);
-            let world = namesakes[joint].map(|it| theirs[it]).or(above).unwrap_or_default();
-            let local = above.map_or(world, |it| it.inverse() * world);
-            own.push(world);
-            res.rotations.push(UnitQuaternion::new_normalize(local.rotation.into_inner()));
-            res.translations.push(local.translation.vector);
+        let (mut turns, mut places) = (Vec::with_capacity(n_joints), Vec::with_capacity(n_joints));
+        for (joint, parent) in parents.iter().enumerate() {
+            let world = namesakes[joint].map(|it| theirs[it]);
+            let above = parent.map(|it| (turns[it], places[it]));
+            let own = world.map(|it| (it.rotation, it.translation.vector)).or(above);
+            let (turn, place) = own.unwrap_or_default();
+            turns.push(turn);
+            places.push(place);
         }
+        push_frame(&mut res, parents, &turns, &places);
     }
+    res.rotations.iter_mut().for_each(|it| _ = it.renormalize());
     let missing = |of: &Skeleton, other: &Skeleton| {
         let names = of.names().iter().filter(|it| other.joint(it).is_none());
         names.cloned().collect::<Vec<_>>()
@@ -89,6 +83,8 @@ pub fn retarget(
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::UnitQuaternion;
+
     use super::*;
     use crate::kernels::fit_clip::world_positions;
     use crate::kernels::mesh::Vec3;

@@ -7,6 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::clip::Clip;
+use super::clip_frames::{empty_clip, push_frame};
 use super::fit_clip::world_positions;
 use super::kabsch::{best_rotation, shortest_arc};
 use super::mesh::Vec3;
@@ -98,13 +99,7 @@ pub fn retarget_bones(
         (0..n_frames).map(|it| world_positions(clip, it, source.parents())).collect();
     check_finite(source, &motion)?;
     let scale = matched.scale();
-    let mut res = Clip {
-        name: clip.name.clone(),
-        frames_per_second: clip.frames_per_second,
-        n_joints: target.n_joints(),
-        rotations: Vec::with_capacity(n_frames * target.n_joints()),
-        translations: Vec::with_capacity(n_frames * target.n_joints()),
-    };
+    let mut res = empty_clip(clip, target.n_joints());
     for places in &motion {
         let root = |joint: usize| {
             let rest = target.positions()[joint];
@@ -227,17 +222,7 @@ impl<'a> Matched<'a> {
             turns.push(turn);
         }
         let frames: Vec<_> = (0..n_joints).map(|it| self.joint_turn(it, &turns, &at)).collect();
-        for (joint, parent) in self.target.parents().iter().enumerate() {
-            let (rotation, translation) = match *parent {
-                Some(parent) => {
-                    let back = frames[parent].inverse();
-                    (back * frames[joint], back * (at[joint] - at[parent]))
-                }
-                None => (frames[joint], at[joint]),
-            };
-            clip.rotations.push(rotation);
-            clip.translations.push(translation);
-        }
+        push_frame(clip, self.target.parents(), &frames, &at);
     }
 
     /// How the bone that leads to a joint turns; `None` if the source does not say.

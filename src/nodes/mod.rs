@@ -44,11 +44,14 @@ mod regressor;
 mod regressor_image;
 mod remesh;
 mod render_depth;
+mod resample_clip;
+mod resolve_penetration;
 mod retarget;
 mod rig;
 mod rooted_skeleton;
 mod segment;
 mod segment_map;
+mod segments_by_name;
 mod simplify_skeleton;
 mod skeletonize;
 mod skeletonize_kmeans;
@@ -63,6 +66,7 @@ mod synthesize;
 mod table;
 mod table_file;
 mod transfer;
+mod transfer_animation;
 mod transfer_weights;
 mod zoomout;
 
@@ -110,11 +114,14 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<regressor_image::RegressorImage>(),
     NodeKind::of::<remesh::Remesh>(),
     NodeKind::of::<render_depth::RenderDepth>(),
+    NodeKind::of::<resample_clip::ResampleClip>(),
+    NodeKind::of::<resolve_penetration::ResolvePenetrationNode>(),
     NodeKind::of::<retarget::RetargetNode>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<rooted_skeleton::RootedSkeleton>(),
     NodeKind::of::<segment::Segment>(),
     NodeKind::of::<segment_map::SegmentMapNode>(),
+    NodeKind::of::<segments_by_name::SegmentsByName>(),
     NodeKind::of::<simplify_skeleton::SimplifySkeleton>(),
     NodeKind::of::<skeletonize::Skeletonize>(),
     NodeKind::of::<skeletonize_kmeans::SkeletonizeKmeans>(),
@@ -129,6 +136,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<table::TableNode>(),
     NodeKind::of::<table_file::TableFile>(),
     NodeKind::of::<transfer::Transfer>(),
+    NodeKind::of::<transfer_animation::TransferAnimationNode>(),
     NodeKind::of::<transfer_weights::TransferWeights>(),
     NodeKind::of::<zoomout::ZoomOut>(),
 ];
