@@ -7,14 +7,27 @@ use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output,
 use crate::kernels::depth::{DepthVideo, mesh::depth_mesh};
 use crate::kernels::mesh::TriMesh;
 use crate::kernels::mesh_sequence::MeshSequence;
-use crate::kernels::registration::{FrameReport, NrrOptions, track};
+use crate::kernels::registration::{FrameReport, NrrOptions, PaperOptions, Solver, track};
 use crate::kernels::table::{Column, Table};
+
+/// How frames are fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum NrrSolver {
+    /// Gauss-Newton steps on point-to-plane pairs, from coarse to fine.
+    GaussNewton,
+    /// Transfer4D as published: Adam on the chamfer distance. Slower, and it takes hidden parts of the
+    /// surface for seen ones; for comparison.
+    Paper,
+}
 
 /// Follows a surface through a depth video by non-rigid registration.
 ///
 /// An embedded deformation graph is fitted to frame after frame by Gauss-Newton steps: first rigidly,
 /// then on graphs of four, two and one `spacing`. A frame that was not found stays as the one before
-/// and is reported as lost. Lengths are for a surface whose box has a diagonal of 2 m and are scaled
+/// and is reported as lost. With `solver = "paper"` it is done as Transfer4D's paper does; of the other
+/// parameters those of the source, `spacing`, `smoothness`, `samples`, `erosion`, `seed` and the ones
+/// that name the paper count then. Lengths are for a surface whose box has a diagonal of 2 m and are scaled
 /// with it, except for those in metres.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -27,16 +40,19 @@ pub struct Nrr {
     /// Without a `source`: only every so many columns and rows are used.
     #[schemars(range(min = 1, max = 64))]
     pub stride: usize,
+    /// How frames are fitted.
+    pub solver: NrrSolver,
     /// The distance between the nodes of the finest graph.
     #[schemars(range(min = 0.001, max = 1.0))]
     pub spacing: f64,
     /// Outer iterations on each level.
     #[schemars(range(min = 1, max = 200))]
     pub iterations: usize,
-    /// The weight of smoothness against 1000 times the mean squared distance (Transfer4D: 10; fast limbs
-    /// want less).
+    /// The weight of smoothness against 1000 times the mean squared distance; by default 2, with the
+    /// paper's solver 10. Fast limbs want less.
+    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0001, max = 100_000.0))]
-    pub smoothness: f64,
+    pub smoothness: Option<f64>,
     /// The farthest that a frame's first pairs are apart; more follows faster motion.
     #[schemars(range(min = 0.001, max = 10.0))]
     pub reach: f64,
@@ -55,7 +71,7 @@ pub struct Nrr {
     /// The weight of pairs from bare target points to the surface.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub reverse: f64,
-    /// How many vertices carry data at most.
+    /// How many vertices carry data at most; with the paper's solver also how many points of a frame.
     #[schemars(range(min = 10, max = 1_000_000))]
     pub samples: usize,
     /// Rounds of erosion before nodes are placed.
@@ -68,20 +84,39 @@ pub struct Nrr {
     /// The decrease of the energy, relative, at which a level is done.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub tolerance: f64,
-    /// Decides on the trials when the subject is sought anew.
+    /// Decides on the trials when the subject is sought anew, and on what the paper's solver samples.
     pub seed: u64,
+    /// The paper's solver: Adam's steps in every frame.
+    #[schemars(range(min = 1, max = 100_000))]
+    pub steps: usize,
+    /// The paper's solver: the first step in metres and radians.
+    #[schemars(range(min = 0.000001, max = 10.0))]
+    pub learning_rate: f64,
+    /// The paper's solver: what a step is of the one before.
+    #[schemars(range(min = 0.1, max = 1.0))]
+    pub decay: f64,
+    /// The paper's solver: the squared distance from which pairs do not count.
+    #[schemars(range(min = 0.000001, max = 1000.0))]
+    pub truncation: f64,
+    /// The paper's solver: the weight of nodes' mean squared change of translation from frame to frame.
+    #[schemars(range(min = 0.0, max = 100_000.0))]
+    pub steady_translation: f64,
+    /// The paper's solver: the weight of nodes' mean squared change of rotation from frame to frame.
+    #[schemars(range(min = 0.0, max = 100_000.0))]
+    pub steady_rotation: f64,
 }
 
 impl Default for Nrr {
     fn default() -> Self {
-        let options = NrrOptions::default();
+        let (options, paper) = (NrrOptions::default(), PaperOptions::default());
         Self {
             source_frame: 0,
             max_edge: 0.05,
             stride: 1,
+            solver: NrrSolver::GaussNewton,
             spacing: options.spacing,
             iterations: options.iterations,
-            smoothness: options.smoothness,
+            smoothness: None,
             reach: options.reach,
             final_reach: options.final_reach,
             max_angle: options.max_angle_deg,
@@ -93,6 +128,12 @@ impl Default for Nrr {
             least_iou: options.least_iou,
             tolerance: options.tolerance,
             seed: options.seed,
+            steps: paper.n_steps,
+            learning_rate: paper.learning_rate,
+            decay: paper.decay,
+            truncation: paper.truncation,
+            steady_translation: paper.steady_translation,
+            steady_rotation: paper.steady_rotation,
         }
     }
 }
@@ -109,11 +150,28 @@ impl Nrr {
     const REPORT: Output<Table> =
         Output::new("report", "one row a frame: residual, coverage, overlap, whether it is lost");
 
+    fn solver(&self) -> Solver {
+        match self.solver {
+            NrrSolver::GaussNewton => Solver::GaussNewton,
+            NrrSolver::Paper => Solver::Paper(PaperOptions {
+                n_steps: self.steps,
+                learning_rate: self.learning_rate,
+                decay: self.decay,
+                smoothness: self.smoothness.unwrap_or(PaperOptions::default().smoothness),
+                steady_translation: self.steady_translation,
+                steady_rotation: self.steady_rotation,
+                n_samples: self.samples,
+                truncation: self.truncation,
+            }),
+        }
+    }
+
     fn options(&self) -> NrrOptions {
         NrrOptions {
+            solver: self.solver(),
             spacing: self.spacing,
             iterations: self.iterations,
-            smoothness: self.smoothness,
+            smoothness: self.smoothness.unwrap_or(NrrOptions::default().smoothness),
             reach: self.reach,
             final_reach: self.final_reach,
             max_angle_deg: self.max_angle,
@@ -153,7 +211,7 @@ impl Node for Nrr {
         version: 1,
         inputs: &[Self::VIDEO.port(), Self::SOURCE.port()],
         outputs: &[Self::SEQUENCE.port(), Self::SOURCE_MESH.port(), Self::REPORT.port()],
-        cites: &[],
+        cites: &["maheshwari2023transfer4d", "li2008global"],
         example: r#"[nodes.body]
 kind = "synthesize"
 n_vertices = 1000

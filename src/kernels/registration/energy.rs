@@ -62,7 +62,7 @@ impl Posed<'_> {
     }
 
     /// `R_i (g_j - g_i)` and the residual `R_i (g_j - g_i) + g_i + t_i - g_j - t_j` of an edge.
-    fn stretch(&self, motion: &Motion, i: u32, j: u32) -> (Vec3, Vec3) {
+    pub fn stretch(&self, motion: &Motion, i: u32, j: u32) -> (Vec3, Vec3) {
         let (i, j) = (i as usize, j as usize);
         let arm = motion.rotations[i] * (self.nodes[j] - self.nodes[i]);
         let from = self.nodes[i] + motion.translations[i];

@@ -1,5 +1,6 @@
 //! Non-rigid registration of a surface to the frames of a depth video.
 
+mod chamfer;
 mod correspond;
 mod energy;
 pub mod erode;
@@ -7,6 +8,7 @@ pub mod error;
 mod fpfh;
 pub mod graph;
 mod normal_matrix;
+mod paper;
 mod relocalize;
 mod silhouette;
 mod solve;
@@ -14,7 +16,8 @@ mod target;
 pub mod track;
 pub mod warp;
 
-pub use track::{FrameReport, NrrError, NrrOptions, Tracked, track};
+pub use paper::PaperOptions;
+pub use track::{FrameReport, NrrError, NrrOptions, Solver, Tracked, track};
 
 #[cfg(test)]
 mod tests;

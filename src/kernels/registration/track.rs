@@ -5,6 +5,7 @@ use super::energy::{Posed, Terms};
 use super::erode::{erode, on_faces};
 use super::graph::DeformationGraph;
 use super::normal_matrix::Pattern;
+use super::paper::{PaperOptions, fit_frame};
 use super::relocalize::relocalize;
 use super::silhouette::iou;
 use super::solve::Level;
@@ -14,10 +15,21 @@ use crate::kernels::depth::DepthVideo;
 use crate::kernels::mesh::{TriMesh, Vec3};
 use crate::kernels::mesh_sequence::{MeshSequence, SequenceError};
 
+/// How frames are fitted.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Solver {
+    /// Gauss-Newton steps on point-to-plane pairs, from coarse to fine.
+    GaussNewton,
+    /// As Transfer4D publishes it: Adam on chamfer distances. Of the other options `spacing`, `erosion`
+    /// and `seed` count; no frame with a measurement is ever lost.
+    Paper(PaperOptions),
+}
+
 /// How a surface is tracked. Lengths are for a surface whose box has a diagonal of 2 m, and are scaled
 /// with it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NrrOptions {
+    pub solver: Solver,
     /// The distance between nodes of the finest graph; coarser ones have 2 and 4 times that.
     pub spacing: f64,
     /// Outer iterations on each level.
@@ -51,6 +63,7 @@ pub struct NrrOptions {
 impl Default for NrrOptions {
     fn default() -> Self {
         Self {
+            solver: Solver::GaussNewton,
             spacing: 0.05,
             iterations: 5,
             smoothness: 2.0,
@@ -188,6 +201,9 @@ struct Tracker<'a> {
     options: &'a NrrOptions,
     /// Half the diagonal of the surface's box.
     scale: f64,
+    /// The vertices that the graph holds.
+    bound: Vec<u32>,
+    /// Those that carry data.
     samples: Vec<u32>,
     /// From rigid to twice the finest spacing.
     coarse: Vec<(DeformationGraph, Pattern)>,
@@ -217,7 +233,7 @@ impl<'a> Tracker<'a> {
         let bound: Vec<u32> =
             (0..vertices.len() as u32).filter(|it| fine.is_bound[*it as usize]).collect();
         let step = bound.len().div_ceil(options.n_samples.max(1)).max(1);
-        let samples: Vec<u32> = bound.into_iter().step_by(step).collect();
+        let samples: Vec<u32> = bound.iter().copied().step_by(step).collect();
         let coarse = [DeformationGraph::rigid(vertices), graph(4.0)?, graph(2.0)?];
         let with_pattern = |it: DeformationGraph| {
             let pattern = Pattern::new(&it, &samples);
@@ -225,11 +241,14 @@ impl<'a> Tracker<'a> {
         };
         let coarse = coarse.into_iter().map(with_pattern).collect();
         let fine_pattern = Pattern::new(&fine, &samples);
-        Ok(Self { video, mesh, options, scale, samples, coarse, fine, fine_pattern })
+        Ok(Self { video, mesh, options, scale, bound, samples, coarse, fine, fine_pattern })
     }
 
     /// Tracks one frame from the motion of its neighbour.
     fn step(&self, frame: usize, previous: &Motion) -> (Motion, Vec<Vec3>, FrameReport) {
+        if let Solver::Paper(options) = &self.options.solver {
+            return self.paper_step(frame, previous, options);
+        }
         let target = Target::new(self.video, frame, self.options.gate, self.options.smoothing);
         let mut motion = previous.clone();
         let (mut n_iterations, mut is_relocalized) = (0, false);
@@ -255,6 +274,30 @@ impl<'a> Tracker<'a> {
             return (previous.clone(), vertices, report);
         }
         (motion, vertices, report)
+    }
+
+    /// Tracks one frame as the paper does.
+    fn paper_step(
+        &self,
+        frame: usize,
+        previous: &Motion,
+        options: &PaperOptions,
+    ) -> (Motion, Vec<Vec3>, FrameReport) {
+        let target = Target::new(self.video, frame, self.options.gate, 0);
+        let points: Vec<Vec3> =
+            target.measured.iter().map(|it| target.points[*it as usize]).collect();
+        let mut motion = previous.clone();
+        let is_lost = points.is_empty();
+        if !is_lost {
+            let (nodes, rest) = (&self.fine.nodes, self.mesh.vertices());
+            let posed = Posed { graph: &self.fine, nodes, rest, samples: &self.bound };
+            let seed = self.options.seed ^ frame as u64;
+            motion = fit_frame(&posed, &points, previous, self.scale, options, seed);
+        }
+        let vertices = warp(&self.fine, self.mesh.vertices(), &motion);
+        let n_iterations = if is_lost { 0 } else { options.n_steps };
+        let report = self.report(&target, &vertices);
+        (motion, vertices, FrameReport { is_lost, n_iterations, ..report })
     }
 
     /// Whether a surface does not explain a frame.
