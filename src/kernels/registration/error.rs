@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::correspond::{Limits, Seen, source_to_target};
+use super::correspond::{Limits, Seen, source_to_target, visible};
 use super::silhouette::iou;
 use super::target::{Pixel, Target};
 use crate::kernels::decimate::closest_on_triangle;
@@ -83,7 +83,8 @@ fn seen_errors(tracked: &MeshSequence, video: &DepthVideo, frame: usize) -> Fram
     let scale = (high - low).norm() / 2.0;
     let limits = Limits { distance: 0.15 * scale, cosine: 0.0, occlusion: 0.02 * scale };
     let places: Vec<(u32, Vec3)> = (0_u32..).zip(vertices.iter().copied()).collect();
-    let (pairs, _) = source_to_target(&target, &seen, &places, &limits);
+    let visible = visible(&target, &seen, &places, &limits);
+    let pairs = source_to_target(&target, &seen, &visible, &limits);
     let off = |it: &super::correspond::Pair| {
         (it.point - vertices[it.sample as usize]).dot(&it.normal).abs()
     };

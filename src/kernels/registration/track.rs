@@ -1,6 +1,6 @@
 //! Tracking a surface through a depth video.
 
-use super::correspond::{Limits, Seen, source_to_target, target_to_source};
+use super::correspond::{Limits, Pair, Seen, source_to_target, target_to_source, visible};
 use super::energy::{Posed, Terms};
 use super::erode::{erode, on_faces};
 use super::graph::DeformationGraph;
@@ -9,7 +9,7 @@ use super::paper::{PaperOptions, fit_frame};
 use super::relocalize::relocalize;
 use super::silhouette::iou;
 use super::solve::Level;
-use super::target::Target;
+use super::target::{Target, Window};
 use super::warp::{Motion, warp};
 use crate::kernels::depth::DepthVideo;
 use crate::kernels::mesh::{TriMesh, Vec3};
@@ -249,11 +249,13 @@ impl<'a> Tracker<'a> {
         if let Solver::Paper(options) = &self.options.solver {
             return self.paper_step(frame, previous, options);
         }
-        let target = Target::new(self.video, frame, self.options.gate, self.options.smoothing);
+        let before = warp(&self.fine, self.mesh.vertices(), previous);
+        let window = Window::around(self.video, frame, &before);
+        let NrrOptions { gate, smoothing, .. } = *self.options;
+        let target = Target::of_window(self.video, frame, window, gate, smoothing);
         let mut motion = previous.clone();
         let (mut n_iterations, mut is_relocalized) = (0, false);
         if !target.measured.is_empty() {
-            let before = warp(&self.fine, self.mesh.vertices(), &motion);
             if self.is_off(&self.report(&target, &before)) {
                 let faces = self.mesh.faces();
                 let seed = self.options.seed ^ frame as u64;
@@ -269,9 +271,8 @@ impl<'a> Tracker<'a> {
         report.n_iterations = n_iterations;
         report.is_relocalized = is_relocalized;
         if self.is_off(&report) {
-            let vertices = warp(&self.fine, self.mesh.vertices(), previous);
             report = FrameReport { is_lost: true, ..report };
-            return (previous.clone(), vertices, report);
+            return (previous.clone(), before, report);
         }
         (motion, vertices, report)
     }
@@ -402,11 +403,12 @@ impl<'a> Tracker<'a> {
         let limits = self.limit(0.0);
         let places: Vec<(u32, Vec3)> =
             self.samples.iter().map(|it| (*it, vertices[*it as usize])).collect();
-        let (pairs, n_visible) = source_to_target(target, &seen, &places, &limits);
-        let distance =
-            |it: &super::correspond::Pair| (it.point - places[it.sample as usize].1).norm();
+        let visible = visible(target, &seen, &places, &limits);
+        let n_visible = visible.len();
+        let pairs = source_to_target(target, &seen, &visible, &limits);
+        let distance = |it: &Pair| (it.point - places[it.sample as usize].1).norm();
         let residual = pairs.iter().map(distance).sum::<f64>() / pairs.len() as f64;
-        let (_, coverage) = target_to_source(target, &seen, &places, &limits, 1.0, 4000);
+        let (_, coverage) = target_to_source(target, &seen, &visible, &limits, 1.0, 4000);
         FrameReport {
             residual,
             coverage,
