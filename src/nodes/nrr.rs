@@ -4,10 +4,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::depth::{DepthVideo, mesh::depth_mesh};
+use crate::kernels::depth::DepthVideo;
 use crate::kernels::mesh::TriMesh;
 use crate::kernels::mesh_sequence::MeshSequence;
-use crate::kernels::registration::{FrameReport, NrrOptions, PaperOptions, Solver, track};
+use crate::kernels::registration::{
+    FrameReport, NrrOptions, PaperOptions, Solver, SourceOptions, source_mesh, track,
+};
 use crate::kernels::table::{Column, Table};
 
 /// How frames are fitted.
@@ -24,8 +26,8 @@ pub enum NrrSolver {
 /// Follows a surface through a depth video by non-rigid registration.
 ///
 /// An embedded deformation graph is fitted to frame after frame by Gauss-Newton steps: first rigidly,
-/// then on graphs of four, two and one `spacing`. A frame that was not found stays as the one before
-/// and is reported as lost. With `solver = "paper"` it is done as Transfer4D's paper does; of the other
+/// then on graphs of four, two and one `spacing`. A frame that was not found is reported as
+/// lost, and the surface stays as in the one before unless it got nearer. With `solver = "paper"` it is done as Transfer4D's paper does; of the other
 /// parameters those of the source, `spacing`, `smoothness`, `samples`, `erosion`, `seed` and the ones
 /// that name the paper count then. Lengths are for a surface whose box has a diagonal of 2 m and are scaled
 /// with it, except for those in metres.
@@ -34,9 +36,11 @@ pub enum NrrSolver {
 pub struct Nrr {
     /// The frame in which the surface is seen first; tracking goes forward and backward from it.
     pub source_frame: usize,
-    /// Without a `source`: the longest edge of the surface that is made, in metres.
+    /// Without a `source`: the longest edge of the surface that is made, in metres; by default `gate`
+    /// times `stride`.
+    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
-    pub max_edge: f64,
+    pub max_edge: Option<f64>,
     /// Without a `source`: only every so many columns and rows are used.
     #[schemars(range(min = 1, max = 64))]
     pub stride: usize,
@@ -62,9 +66,11 @@ pub struct Nrr {
     /// The largest angle between normals of a pair, in degrees.
     #[schemars(range(min = 1.0, max = 180.0))]
     pub max_angle: f64,
-    /// The step in depth that separates surfaces, in metres; above the step of the sensor.
+    /// The step in depth that separates surfaces, in metres; above the step of the sensor. By default
+    /// one and a half times what 90 % of neighbouring pixels of the source frame differ by, at least 0.05.
+    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0001, max = 10.0))]
-    pub gate: f64,
+    pub gate: Option<f64>,
     /// How many pixels around each one its depth is averaged over.
     #[schemars(range(max = 10))]
     pub smoothing: usize,
@@ -77,10 +83,10 @@ pub struct Nrr {
     /// Rounds of erosion before nodes are placed.
     #[schemars(range(max = 100))]
     pub erosion: usize,
-    /// The least intersection over union of silhouettes; below, the subject is sought anew, and else
-    /// the frame is lost.
+    /// The least share of what is seen of the surface that lies on the subject; below, the subject is
+    /// sought anew, and else the frame is lost.
     #[schemars(range(min = 0.0, max = 1.0))]
-    pub least_iou: f64,
+    pub least_overlap: f64,
     /// The decrease of the energy, relative, at which a level is done.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub tolerance: f64,
@@ -111,7 +117,7 @@ impl Default for Nrr {
         let (options, paper) = (NrrOptions::default(), PaperOptions::default());
         Self {
             source_frame: 0,
-            max_edge: 0.05,
+            max_edge: None,
             stride: 1,
             solver: NrrSolver::GaussNewton,
             spacing: options.spacing,
@@ -125,7 +131,7 @@ impl Default for Nrr {
             reverse: options.reverse,
             samples: options.n_samples,
             erosion: options.erosion,
-            least_iou: options.least_iou,
+            least_overlap: options.least_overlap,
             tolerance: options.tolerance,
             seed: options.seed,
             steps: paper.n_steps,
@@ -149,6 +155,11 @@ impl Nrr {
     const SOURCE_MESH: Output<TriMesh> = Output::new("mesh", "the surface in the source frame");
     const REPORT: Output<Table> =
         Output::new("report", "one row a frame: residual, coverage, overlap, whether it is lost");
+
+    fn source_options(&self) -> SourceOptions {
+        let Self { max_edge, stride, gate, smoothing, .. } = *self;
+        SourceOptions { max_edge, stride, gate, smoothing }
+    }
 
     fn solver(&self) -> Solver {
         match self.solver {
@@ -180,7 +191,7 @@ impl Nrr {
             reverse: self.reverse,
             n_samples: self.samples,
             erosion: self.erosion,
-            least_iou: self.least_iou,
+            least_overlap: self.least_overlap,
             tolerance: self.tolerance,
             seed: self.seed,
         }
@@ -197,6 +208,7 @@ fn report_table(reports: &[FrameReport]) -> Table {
         numbers("residual", "m", &|it| it.residual),
         numbers("coverage", "", &|it| it.coverage),
         numbers("iou", "", &|it| it.iou),
+        numbers("overlap", "", &|it| it.overlap),
         numbers("visible", "", &|it| it.visible),
         numbers("paired", "", &|it| it.paired),
         numbers("lost", "", &|it| flag(it.is_lost)),
@@ -208,7 +220,7 @@ fn report_table(reports: &[FrameReport]) -> Table {
 impl Node for Nrr {
     const SPEC: Spec = Spec {
         kind: "nrr",
-        version: 1,
+        version: 2,
         inputs: &[Self::VIDEO.port(), Self::SOURCE.port()],
         outputs: &[Self::SEQUENCE.port(), Self::SOURCE_MESH.port(), Self::REPORT.port()],
         cites: &["maheshwari2023transfer4d", "li2008global"],
@@ -239,7 +251,7 @@ max_edge = 0.15
         let video = io.get(Self::VIDEO);
         let source = match io.get_optional(Self::SOURCE) {
             Some(source) => TriMesh::clone(&source),
-            None => depth_mesh(&video, self.source_frame, self.max_edge, self.stride)?.0,
+            None => source_mesh(&video, self.source_frame, &self.source_options())?,
         };
         let tracked = track(&video, &source, self.source_frame, &self.options())?;
         let lost: Vec<String> = (tracked.reports.iter().enumerate())

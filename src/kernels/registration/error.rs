@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::correspond::{Limits, Seen, source_to_target, visible};
-use super::silhouette::iou;
+use super::silhouette::overlaps;
 use super::target::{Pixel, Target};
 use crate::kernels::decimate::closest_on_triangle;
 use crate::kernels::depth::DepthVideo;
@@ -97,7 +97,7 @@ fn seen_errors(tracked: &MeshSequence, video: &DepthVideo, frame: usize) -> Fram
         squares += (inverse(f64::from(*own)) - other).powi(2);
         either += f64::from(u8::from(*own > 0.0 || is_measured));
     }
-    let (inverse_depth, iou) = (squares / either, iou(&target, &seen));
+    let (inverse_depth, (iou, _)) = (squares / either, overlaps(&target, &seen));
     FrameError { point_to_plane, inverse_depth, iou, mean: f64::NAN, max: f64::NAN }
 }
 

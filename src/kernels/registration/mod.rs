@@ -12,11 +12,13 @@ mod paper;
 mod relocalize;
 mod silhouette;
 mod solve;
+mod source;
 mod target;
 pub mod track;
 pub mod warp;
 
 pub use paper::PaperOptions;
+pub use source::{SourceError, SourceOptions, source_mesh};
 pub use track::{FrameReport, NrrError, NrrOptions, Solver, Tracked, track};
 
 #[cfg(test)]

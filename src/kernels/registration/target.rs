@@ -125,20 +125,19 @@ impl Target {
     pub fn nearest_in_window(&self, point: &Vec3) -> Option<(f64, usize)> {
         let pixel = self.pixel_of(point)?;
         let (column, row) = (pixel % self.width, pixel / self.width);
+        let columns = column.saturating_sub(2)..(column + 3).min(self.width);
         let mut best: Option<(f64, usize)> = None;
-        for y in row.saturating_sub(2)..=(row + 2).min(self.height - 1) {
-            for x in column.saturating_sub(2)..=(column + 2).min(self.width - 1) {
-                let other = y * self.width + x;
-                if self.pixels[other] == Pixel::Nothing {
-                    continue;
-                }
-                let distance = (self.points[other] - point).norm();
-                if best.is_none_or(|it| distance < it.0) {
-                    best = Some((distance, other));
+        for y in row.saturating_sub(2)..(row + 3).min(self.height) {
+            let range = y * self.width + columns.start..y * self.width + columns.end;
+            let around = self.points[range.clone()].iter().zip(&self.pixels[range.clone()]);
+            for (other, (place, _)) in range.zip(around).filter(|it| *it.1.1 != Pixel::Nothing) {
+                let square = (place - point).norm_squared();
+                if best.is_none_or(|it| square < it.0) {
+                    best = Some((square, other));
                 }
             }
         }
-        best
+        best.map(|(square, pixel)| (square.sqrt(), pixel))
     }
 
     /// The measured pixel nearest to a point, with the distance.
