@@ -47,28 +47,58 @@ pub fn minimize(
     options: &AdamOptions,
     mut energy: impl FnMut(&[f64], &mut [f64]) -> f64,
 ) -> AdamReport {
-    let AdamOptions { n_steps, learning_rate, beta1, beta2, epsilon } = *options;
+    let mut adam = Adam::new(x.len(), options);
     let mut gradient = vec![0.0; x.len()];
-    let (mut means, mut squares) = (vec![0.0; x.len()], vec![0.0; x.len()]);
-    let mut energies = Vec::with_capacity(n_steps + 1);
-    // The powers of the betas: what is missing of the means that began at zero.
-    let (mut missing1, mut missing2) = (1.0, 1.0);
-    for _ in 0..n_steps {
+    let mut energies = Vec::with_capacity(options.n_steps + 1);
+    for _ in 0..options.n_steps {
         gradient.fill(0.0);
         energies.push(energy(x, &mut gradient));
-        missing1 *= beta1;
-        missing2 *= beta2;
-        let moments = means.iter_mut().zip(&mut squares);
-        for ((x, slope), (mean, square)) in x.iter_mut().zip(&gradient).zip(moments) {
-            *mean += (1.0 - beta1) * (slope - *mean);
-            *square += (1.0 - beta2) * (slope * slope - *square);
-            let deviation = (*square / (1.0 - missing2)).sqrt();
-            *x -= learning_rate * (*mean / (1.0 - missing1)) / (deviation + epsilon);
-        }
+        adam.step(&gradient, options.learning_rate, |entry, amount| x[entry] -= amount);
     }
     gradient.fill(0.0);
     energies.push(energy(x, &mut gradient));
     AdamReport { energies }
+}
+
+/// What Adam remembers of the gradients.
+#[derive(Debug, Clone)]
+pub struct Adam {
+    beta1: f64,
+    beta2: f64,
+    epsilon: f64,
+    means: Vec<f64>,
+    squares: Vec<f64>,
+    /// The powers of the betas: what is missing of the means that began at zero.
+    missing: [f64; 2],
+}
+
+impl Adam {
+    /// Remembers nothing yet of `n` entries; of the options the betas and epsilon count.
+    pub fn new(n: usize, options: &AdamOptions) -> Self {
+        let AdamOptions { beta1, beta2, epsilon, .. } = *options;
+        let (means, squares) = (vec![0.0; n], vec![0.0; n]);
+        Self { beta1, beta2, epsilon, means, squares, missing: [1.0, 1.0] }
+    }
+
+    /// Takes in a gradient and tells for every entry by how much it goes down.
+    pub fn step(
+        &mut self,
+        gradient: &[f64],
+        learning_rate: f64,
+        mut subtract: impl FnMut(usize, f64),
+    ) {
+        let Self { beta1, beta2, epsilon, .. } = *self;
+        self.missing[0] *= beta1;
+        self.missing[1] *= beta2;
+        let [missing1, missing2] = self.missing;
+        let moments = self.means.iter_mut().zip(&mut self.squares);
+        for (entry, (slope, (mean, square))) in gradient.iter().zip(moments).enumerate() {
+            *mean += (1.0 - beta1) * (slope - *mean);
+            *square += (1.0 - beta2) * (slope * slope - *square);
+            let deviation = (*square / (1.0 - missing2)).sqrt();
+            subtract(entry, learning_rate * (*mean / (1.0 - missing1)) / (deviation + epsilon));
+        }
+    }
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ pub mod raster;
 pub mod read;
 pub mod segment;
 pub mod smooth;
+pub mod steps;
 pub mod video;
 
 pub use video::{DepthError, DepthVideo, Intrinsics};

@@ -63,34 +63,42 @@ pub fn vertex_normals(vertices: &[Vec3], faces: &[[u32; 3]]) -> Vec<Vec3> {
     normals
 }
 
-/// Finds for every visible sample its place on the target: first around its projection, then, if that
-/// is too far, anywhere. Pairs at steps in depth, too far, or with normals that differ are refused.
-/// Also returns how many samples are visible.
-pub fn source_to_target(
+/// Samples that face the camera unhidden: their numbers, their vertices, and where these are.
+pub fn visible(
     target: &Target,
     seen: &Seen,
     places: &[(u32, Vec3)],
     limits: &Limits,
-) -> (Vec<Pair>, usize) {
-    let find = |(sample, &(vertex, place)): (usize, &(u32, Vec3))| -> Option<Option<Pair>> {
+) -> Vec<(u32, u32, Vec3)> {
+    (0_u32..)
+        .zip(places)
+        .filter(|(_, (vertex, place))| seen.sees(target, *vertex as usize, place, limits.occlusion))
+        .map(|(sample, (vertex, place))| (sample, *vertex, *place))
+        .collect()
+}
+
+/// Finds for every visible sample its place on the target: first around its projection, then, if that
+/// is too far, anywhere. Pairs at steps in depth, too far, or with normals that differ are refused.
+pub fn source_to_target(
+    target: &Target,
+    seen: &Seen,
+    visible: &[(u32, u32, Vec3)],
+    limits: &Limits,
+) -> Vec<Pair> {
+    let find = |&(sample, vertex, place): &(u32, u32, Vec3)| -> Option<Pair> {
         let vertex = vertex as usize;
-        if !seen.sees(target, vertex, &place, limits.occlusion) {
-            return None;
-        }
         let near = target.nearest_in_window(&place).filter(|it| it.0 <= limits.distance);
         let found = near.or_else(|| target.nearest(&place, &mut Vec::new()));
-        let Some((distance, pixel)) = found else { return Some(None) };
+        let (distance, pixel) = found?;
         let normal = target.normals[pixel];
         let is_good = distance <= limits.distance
             && target.pixels[pixel] == Pixel::Surface
             && normal.dot(&seen.normals[vertex]) >= limits.cosine;
-        let (sample, point) = (sample as u32, target.points[pixel]);
-        Some(is_good.then_some(Pair { sample, point, normal, weight: 1.0 }))
+        let point = target.points[pixel];
+        is_good.then_some(Pair { sample, point, normal, weight: 1.0 })
     };
-    let found: Vec<Option<Option<Pair>>> =
-        places.par_iter().with_min_len(256).enumerate().map(find).collect();
-    let n_visible = found.iter().filter(|it| it.is_some()).count();
-    (found.into_iter().flatten().flatten().collect(), n_visible)
+    let found: Vec<Option<Pair>> = visible.par_iter().with_min_len(256).map(find).collect();
+    found.into_iter().flatten().collect()
 }
 
 /// Finds for target points that the moved surface leaves bare the nearest visible sample.
@@ -100,17 +108,12 @@ pub fn source_to_target(
 pub fn target_to_source(
     target: &Target,
     seen: &Seen,
-    places: &[(u32, Vec3)],
+    visible: &[(u32, u32, Vec3)],
     limits: &Limits,
     weight: f64,
     most: usize,
 ) -> (Vec<Pair>, f64) {
-    let visible: Vec<(u32, Vec3)> = (0_u32..)
-        .zip(places)
-        .filter(|(_, (vertex, place))| seen.sees(target, *vertex as usize, place, limits.occlusion))
-        .map(|(sample, (_, place))| (sample, *place))
-        .collect();
-    let tree = PointTree::new(&visible.iter().map(|it| it.1).collect::<Vec<_>>());
+    let tree = PointTree::new(&visible.iter().map(|it| it.2).collect::<Vec<_>>());
     let step = target.measured.len().div_ceil(most.max(1)).max(1);
     let looked: Vec<u32> = target.measured.iter().copied().step_by(step).collect();
     let find = |pixel: &u32| -> Option<Option<Pair>> {
@@ -126,10 +129,9 @@ pub fn target_to_source(
         let mut found = Vec::new();
         tree.nearest(point, 1, &mut found);
         let Some(&(square, index)) = found.first() else { return Some(None) };
-        let (sample, _) = visible[index as usize];
-        let vertex = places[sample as usize].0 as usize;
-        let is_good =
-            square.sqrt() <= limits.distance && normal.dot(&seen.normals[vertex]) >= limits.cosine;
+        let (sample, vertex, _) = visible[index as usize];
+        let is_good = square.sqrt() <= limits.distance
+            && normal.dot(&seen.normals[vertex as usize]) >= limits.cosine;
         Some(is_good.then_some(Pair { sample, point, normal, weight }))
     };
     let found: Vec<Option<Option<Pair>>> = looked.par_iter().with_min_len(256).map(find).collect();

@@ -62,7 +62,7 @@ impl Posed<'_> {
     }
 
     /// `R_i (g_j - g_i)` and the residual `R_i (g_j - g_i) + g_i + t_i - g_j - t_j` of an edge.
-    fn stretch(&self, motion: &Motion, i: u32, j: u32) -> (Vec3, Vec3) {
+    pub fn stretch(&self, motion: &Motion, i: u32, j: u32) -> (Vec3, Vec3) {
         let (i, j) = (i as usize, j as usize);
         let arm = motion.rotations[i] * (self.nodes[j] - self.nodes[i]);
         let from = self.nodes[i] + motion.translations[i];
@@ -88,6 +88,14 @@ impl Posed<'_> {
         for (row, gradient) in rows {
             blocks.extend(row);
             b.push(gradient);
+        }
+        for row in 0..pattern.n_nodes() {
+            for place in pattern.offsets[row]..pattern.offsets[row + 1] {
+                let column = pattern.columns[place];
+                if (column as usize) < row {
+                    blocks[place] = blocks[pattern.place(column, row as u32)].transpose();
+                }
+            }
         }
         self.add_smoothness(pattern, motion, terms.smooth, &mut blocks, &mut b);
         (blocks, b)
@@ -118,6 +126,7 @@ impl Posed<'_> {
         res
     }
 
+    /// The blocks of a row from its diagonal on, those before it left zero, and its pull.
     fn data_row(
         &self,
         pattern: &Pattern,
@@ -145,7 +154,8 @@ impl Posed<'_> {
             // B^T h for B = [-[a]_x, I] is (a x h, h).
             let turn = own.cross(pull);
             b += Six::new(turn.x, turn.y, turn.z, pull.x, pull.y, pull.z) * own_weight;
-            for &(node, other_weight) in skin.iter().filter(|it| it.1 > 0.0) {
+            let from_row_on = skin.iter().filter(|it| it.1 > 0.0 && it.0 as usize >= row);
+            for &(node, other_weight) in from_row_on {
                 let at = columns.binary_search(&node).expect("nodes of a sample are joined");
                 add_product(&mut blocks[at], &own, weight, &arm(node), own_weight * other_weight);
             }

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::correspond::{Limits, Seen, source_to_target};
-use super::silhouette::iou;
+use super::correspond::{Limits, Seen, source_to_target, visible};
+use super::silhouette::overlaps;
 use super::target::{Pixel, Target};
 use crate::kernels::decimate::closest_on_triangle;
 use crate::kernels::depth::DepthVideo;
@@ -83,7 +83,8 @@ fn seen_errors(tracked: &MeshSequence, video: &DepthVideo, frame: usize) -> Fram
     let scale = (high - low).norm() / 2.0;
     let limits = Limits { distance: 0.15 * scale, cosine: 0.0, occlusion: 0.02 * scale };
     let places: Vec<(u32, Vec3)> = (0_u32..).zip(vertices.iter().copied()).collect();
-    let (pairs, _) = source_to_target(&target, &seen, &places, &limits);
+    let visible = visible(&target, &seen, &places, &limits);
+    let pairs = source_to_target(&target, &seen, &visible, &limits);
     let off = |it: &super::correspond::Pair| {
         (it.point - vertices[it.sample as usize]).dot(&it.normal).abs()
     };
@@ -96,7 +97,7 @@ fn seen_errors(tracked: &MeshSequence, video: &DepthVideo, frame: usize) -> Fram
         squares += (inverse(f64::from(*own)) - other).powi(2);
         either += f64::from(u8::from(*own > 0.0 || is_measured));
     }
-    let (inverse_depth, iou) = (squares / either, iou(&target, &seen));
+    let (inverse_depth, (iou, _)) = (squares / either, overlaps(&target, &seen));
     FrameError { point_to_plane, inverse_depth, iou, mean: f64::NAN, max: f64::NAN }
 }
 

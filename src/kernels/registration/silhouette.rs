@@ -6,9 +6,9 @@ use super::target::{Pixel, Target};
 /// Gaps in silhouettes up to twice as many pixels wide are closed: sensors drop single pixels.
 const GAP: usize = 2;
 
-/// Intersection over union of the silhouettes of a surface and a frame, without small gaps; NaN if
-/// both are empty.
-pub fn iou(target: &Target, seen: &Seen) -> f64 {
+/// Intersection over union of the silhouettes of a surface and a frame, and over the surface's alone,
+/// without small gaps; NaN of what is empty.
+pub fn overlaps(target: &Target, seen: &Seen) -> (f64, f64) {
     let width = target.width;
     let own: Vec<bool> = seen.buffer.depths.iter().map(|it| *it > 0.0).collect();
     let other: Vec<bool> = target.pixels.iter().map(|it| *it != Pixel::Nothing).collect();
@@ -16,7 +16,8 @@ pub fn iou(target: &Target, seen: &Seen) -> f64 {
     let count = |of: &dyn Fn(bool, bool) -> bool| {
         own.iter().zip(&other).filter(|it| of(*it.0, *it.1)).count() as f64
     };
-    count(&|a, b| a && b) / count(&|a, b| a || b)
+    let both = count(&|a, b| a && b);
+    (both / count(&|a, b| a || b), both / count(&|a, _| a))
 }
 
 /// A morphological closing by a square: grown, then shrunk again; the frame's rim does not shrink.
@@ -27,19 +28,24 @@ fn closed(mask: &[bool], width: usize) -> Vec<bool> {
 
 /// Pixels within [`GAP`] columns and rows of one that is `value` become so.
 fn spread(mask: &[bool], width: usize, value: bool) -> Vec<bool> {
-    let height = mask.len() / width;
+    let take = |to: &mut [bool], from: &[bool]| {
+        let pairs = to.iter_mut().zip(from);
+        match value {
+            true => pairs.for_each(|(to, from)| *to |= from),
+            false => pairs.for_each(|(to, from)| *to &= from),
+        }
+    };
     let mut wide = mask.to_vec();
-    for (pixel, _) in mask.iter().enumerate().filter(|it| *it.1 == value) {
-        let (row, column) = (pixel / width, pixel % width);
-        let range = column.saturating_sub(GAP)..(column + GAP + 1).min(width);
-        wide[row * width..][range].fill(value);
+    for (wide, row) in wide.chunks_exact_mut(width).zip(mask.chunks_exact(width)) {
+        for step in 1..=GAP.min(width - 1) {
+            take(&mut wide[step..], &row[..width - step]);
+            take(&mut wide[..width - step], &row[step..]);
+        }
     }
     let mut res = wide.clone();
-    for (pixel, _) in wide.iter().enumerate().filter(|it| *it.1 == value) {
-        let (row, column) = (pixel / width, pixel % width);
-        for other in row.saturating_sub(GAP)..(row + GAP + 1).min(height) {
-            res[other * width + column] = value;
-        }
+    for step in (1..=GAP).map(|it| it * width).filter(|it| *it < mask.len()) {
+        take(&mut res[step..], &wide[..mask.len() - step]);
+        take(&mut res[..mask.len() - step], &wide[step..]);
     }
     res
 }

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::correspond::{Limits, Seen, source_to_target, target_to_source};
+use super::correspond::{Limits, Seen, source_to_target, target_to_source, visible};
 use super::energy::{Posed, Terms};
 use super::normal_matrix::{Pattern, solve};
 use super::target::Target;
@@ -39,10 +39,12 @@ impl Level<'_> {
         let mut damping = DAMPING;
         for (iteration, limits) in limits.iter().enumerate() {
             let places = self.posed.places(&motion);
-            let (mut pairs, _) = source_to_target(self.target, &seen, &places, limits);
+            let visible = visible(self.target, &seen, &places, limits);
+            let mut pairs = source_to_target(self.target, &seen, &visible, limits);
             if self.reverse > 0.0 {
                 let weight = self.reverse;
-                let more = target_to_source(self.target, &seen, &places, limits, weight, N_REVERSE);
+                let more =
+                    target_to_source(self.target, &seen, &visible, limits, weight, N_REVERSE);
                 pairs.extend(more.0);
             }
             let before = self.posed.energy(&motion, &pairs, &self.terms);

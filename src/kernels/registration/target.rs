@@ -13,7 +13,52 @@ pub enum Pixel {
     Surface,
 }
 
-/// One frame of a video, prepared to be aligned with.
+/// Columns and rows of a picture, the last ones excluded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Window {
+    pub left: usize,
+    pub top: usize,
+    pub right: usize,
+    pub bottom: usize,
+}
+
+/// Columns and rows around what must be seen.
+const MARGIN: usize = 4;
+
+impl Window {
+    pub fn all(video: &DepthVideo) -> Self {
+        Self { left: 0, top: 0, right: video.width(), bottom: video.height() }
+    }
+
+    /// What holds all measurements of a frame and a surface; never empty.
+    pub fn around(video: &DepthVideo, frame: usize, vertices: &[Vec3]) -> Self {
+        let (width, height) = (video.width(), video.height());
+        let (mut low, mut high) = ([width, height], [0, 0]);
+        let mut take = |x: usize, y: usize| {
+            low = [low[0].min(x), low[1].min(y)];
+            high = [high[0].max(x), high[1].max(y)];
+        };
+        for (y, row) in video.frame(frame).chunks_exact(width).enumerate() {
+            if let Some(first) = row.iter().position(|it| *it > 0.0) {
+                let last = row.iter().rposition(|it| *it > 0.0).unwrap_or(first);
+                take(first, y);
+                take(last, y);
+            }
+        }
+        for vertex in vertices.iter().filter(|it| it.z > 0.01) {
+            let [u, v] = video.intrinsics().project(vertex);
+            take(u.clamp(0.0, width as f64) as usize, v.clamp(0.0, height as f64) as usize);
+        }
+        let span = |axis: usize, n: usize| {
+            let first = low[axis].saturating_sub(MARGIN).min(n - 1);
+            (first, (high[axis] + MARGIN + 1).clamp(first + 1, n))
+        };
+        let ((left, right), (top, bottom)) = (span(0, width), span(1, height));
+        Self { left, top, right, bottom }
+    }
+}
+
+/// One frame of a video, or a part of it, prepared to be aligned with.
 pub struct Target {
     pub width: usize,
     pub height: usize,
@@ -29,10 +74,26 @@ pub struct Target {
 }
 
 impl Target {
-    /// `gate` is the step in depth that separates surfaces, in metres.
+    /// The whole picture; `gate` is the step in depth that separates surfaces, in metres.
     pub fn new(video: &DepthVideo, frame: usize, gate: f64, smoothing: usize) -> Self {
-        let (width, height, camera) = (video.width(), video.height(), video.intrinsics());
-        let raw = video.frame(frame);
+        Self::of_window(video, frame, Window::all(video), gate, smoothing)
+    }
+
+    /// A part of the picture, with pixels of its own.
+    pub fn of_window(
+        video: &DepthVideo,
+        frame: usize,
+        window: Window,
+        gate: f64,
+        smoothing: usize,
+    ) -> Self {
+        let Window { left, top, right, bottom } = window;
+        let (width, height) = (right - left, bottom - top);
+        let whole = video.intrinsics();
+        let camera = Intrinsics { cx: whole.cx - left as f64, cy: whole.cy - top as f64, ..whole };
+        let row = |it: usize| &video.frame(frame)[it * video.width()..][left..right];
+        let raw: Vec<f32> = (top..bottom).flat_map(|it| row(it).iter().copied()).collect();
+        let raw = &raw[..];
         let depths = smooth(raw, width, gate as f32, smoothing);
         let points = unproject(&depths, width, &camera);
         let measured: Vec<u32> =
@@ -64,20 +125,19 @@ impl Target {
     pub fn nearest_in_window(&self, point: &Vec3) -> Option<(f64, usize)> {
         let pixel = self.pixel_of(point)?;
         let (column, row) = (pixel % self.width, pixel / self.width);
+        let columns = column.saturating_sub(2)..(column + 3).min(self.width);
         let mut best: Option<(f64, usize)> = None;
-        for y in row.saturating_sub(2)..=(row + 2).min(self.height - 1) {
-            for x in column.saturating_sub(2)..=(column + 2).min(self.width - 1) {
-                let other = y * self.width + x;
-                if self.pixels[other] == Pixel::Nothing {
-                    continue;
-                }
-                let distance = (self.points[other] - point).norm();
-                if best.is_none_or(|it| distance < it.0) {
-                    best = Some((distance, other));
+        for y in row.saturating_sub(2)..(row + 3).min(self.height) {
+            let range = y * self.width + columns.start..y * self.width + columns.end;
+            let around = self.points[range.clone()].iter().zip(&self.pixels[range.clone()]);
+            for (other, (place, _)) in range.zip(around).filter(|it| *it.1.1 != Pixel::Nothing) {
+                let square = (place - point).norm_squared();
+                if best.is_none_or(|it| square < it.0) {
+                    best = Some((square, other));
                 }
             }
         }
-        best
+        best.map(|(square, pixel)| (square.sqrt(), pixel))
     }
 
     /// The measured pixel nearest to a point, with the distance.

@@ -3,7 +3,7 @@
 use nalgebra::{Rotation3, Unit};
 
 use super::error::registration_errors;
-use super::{NrrError, NrrOptions, Tracked, track};
+use super::{NrrError, NrrOptions, PaperOptions, Solver, Tracked, track};
 use crate::kernels::depth::camera::Orbit;
 use crate::kernels::depth::film::{Film, FilmOptions, film};
 use crate::kernels::depth::mesh::depth_mesh;
@@ -114,6 +114,30 @@ fn a_bending_strip_is_followed_to_half_a_spacing() {
         assert!(error.mean < half_spacing, "frame {frame}: {error:?}");
         assert!(error.point_to_plane < 0.004 && error.iou > 0.9, "frame {frame}: {error:?}");
     }
+}
+
+/// The paper's solver follows the strip, too, and the same at any number of threads; the default is
+/// nearer to the truth.
+#[test]
+fn the_papers_solver_follows_a_bending_strip() {
+    let (mesh, frames) = strip();
+    let film = filmed(&mesh, frames[..4].to_vec());
+    let (source, _) = depth_mesh(&film.video, 0, 0.1, 2).unwrap();
+    let paper = PaperOptions { n_samples: 800, ..PaperOptions::default() };
+    let options = NrrOptions { solver: Solver::Paper(paper), ..NrrOptions::default() };
+    let with = |n: usize, options: &NrrOptions| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+        pool.install(|| track(&film.video, &source, 0, options).unwrap().sequence)
+    };
+    let (own, again) = (with(1, &options), with(3, &options));
+    assert_eq!(own, again);
+    let mean = |it: &MeshSequence| -> Vec<f64> {
+        let errors = registration_errors(it, &film.video, Some(&film.truth), 0).unwrap();
+        errors.iter().map(|it| it.mean).collect()
+    };
+    let (paper, default) = (mean(&own), mean(&with(2, &NrrOptions::default())));
+    assert!(paper[3] < 0.04, "{paper:?}");
+    assert!(default[3] < paper[3], "{default:?} {paper:?}");
 }
 
 #[test]

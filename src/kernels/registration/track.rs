@@ -1,23 +1,35 @@
 //! Tracking a surface through a depth video.
 
-use super::correspond::{Limits, Seen, source_to_target, target_to_source};
+use super::correspond::{Limits, Pair, Seen, source_to_target, target_to_source, visible};
 use super::energy::{Posed, Terms};
 use super::erode::{erode, on_faces};
 use super::graph::DeformationGraph;
 use super::normal_matrix::Pattern;
+use super::paper::{PaperOptions, fit_frame};
 use super::relocalize::relocalize;
-use super::silhouette::iou;
+use super::silhouette::overlaps;
 use super::solve::Level;
-use super::target::Target;
+use super::target::{Target, Window};
 use super::warp::{Motion, warp};
-use crate::kernels::depth::DepthVideo;
+use crate::kernels::depth::{DepthVideo, steps::step_gate};
 use crate::kernels::mesh::{TriMesh, Vec3};
 use crate::kernels::mesh_sequence::{MeshSequence, SequenceError};
+
+/// How frames are fitted.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Solver {
+    /// Gauss-Newton steps on point-to-plane pairs, from coarse to fine.
+    GaussNewton,
+    /// As Transfer4D publishes it: Adam on chamfer distances. Of the other options `spacing`, `erosion`
+    /// and `seed` count; no frame with a measurement is ever lost.
+    Paper(PaperOptions),
+}
 
 /// How a surface is tracked. Lengths are for a surface whose box has a diagonal of 2 m, and are scaled
 /// with it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NrrOptions {
+    pub solver: Solver,
     /// The distance between nodes of the finest graph; coarser ones have 2 and 4 times that.
     pub spacing: f64,
     /// Outer iterations on each level.
@@ -31,8 +43,9 @@ pub struct NrrOptions {
     pub final_reach: f64,
     /// The largest angle between normals of a pair.
     pub max_angle_deg: f64,
-    /// The step in depth that separates surfaces, in metres as they are.
-    pub gate: f64,
+    /// The step in depth that separates surfaces, in metres as they are; told from the source frame if
+    /// not given (see [`step_gate`]).
+    pub gate: Option<f64>,
     /// How many pixels around each one its depth is averaged over.
     pub smoothing: usize,
     /// The weight of pairs from bare target points to the surface.
@@ -41,8 +54,9 @@ pub struct NrrOptions {
     pub n_samples: usize,
     /// Rounds of erosion before nodes are placed.
     pub erosion: usize,
-    /// The least intersection over union of silhouettes; below, the subject is sought anew.
-    pub least_iou: f64,
+    /// The least share of what is seen of the surface that lies on the subject; below, the subject is
+    /// sought anew.
+    pub least_overlap: f64,
     /// The decrease of the energy, relative, at which a level is done.
     pub tolerance: f64,
     pub seed: u64,
@@ -51,18 +65,19 @@ pub struct NrrOptions {
 impl Default for NrrOptions {
     fn default() -> Self {
         Self {
+            solver: Solver::GaussNewton,
             spacing: 0.05,
             iterations: 5,
             smoothness: 2.0,
             reach: 0.15,
             final_reach: 0.05,
             max_angle_deg: 60.0,
-            gate: 0.05,
+            gate: None,
             smoothing: 2,
             reverse: 0.5,
             n_samples: 5000,
             erosion: 1,
-            least_iou: 0.5,
+            least_overlap: 0.5,
             tolerance: 1e-4,
             seed: 0,
         }
@@ -95,11 +110,15 @@ pub struct FrameReport {
     pub coverage: f64,
     /// Intersection over union of silhouettes.
     pub iou: f64,
+    /// The share of the surface's silhouette that lies on the subject's. Sides that the source did not
+    /// show lower `iou` as they come into view, but not this.
+    pub overlap: f64,
     /// The share of samples that face the camera unhidden.
     pub visible: f64,
     /// The share of visible samples that found a pair.
     pub paired: f64,
-    /// The frame was empty or could not be explained; the surface stays as in the frame before.
+    /// The frame was empty or could not be explained; the surface stays as in the frame before, unless
+    /// what was found lies on more of the subject.
     pub is_lost: bool,
     /// The subject had to be sought anew.
     pub is_relocalized: bool,
@@ -131,7 +150,7 @@ pub fn track(
     options: &NrrOptions,
 ) -> Result<Tracked, NrrError> {
     check(video, mesh, source, options)?;
-    let tracker = Tracker::new(video, mesh, options)?;
+    let tracker = Tracker::new(video, mesh, source, options)?;
     let n_frames = video.n_frames();
     let mut tracked: Vec<Option<(Vec<Vec3>, FrameReport)>> = vec![None; n_frames];
     let start = Motion::identity(tracker.fine.n_nodes());
@@ -172,7 +191,7 @@ fn check(
         ("spacing", options.spacing),
         ("reach", options.reach),
         ("final_reach", options.final_reach),
-        ("gate", options.gate),
+        ("gate", options.gate.unwrap_or(1.0)),
         ("smoothness", options.smoothness),
         ("max_angle_deg", options.max_angle_deg),
     ];
@@ -186,8 +205,12 @@ struct Tracker<'a> {
     video: &'a DepthVideo,
     mesh: &'a TriMesh,
     options: &'a NrrOptions,
+    gate: f64,
     /// Half the diagonal of the surface's box.
     scale: f64,
+    /// The vertices that the graph holds.
+    bound: Vec<u32>,
+    /// Those that carry data.
     samples: Vec<u32>,
     /// From rigid to twice the finest spacing.
     coarse: Vec<(DeformationGraph, Pattern)>,
@@ -199,8 +222,10 @@ impl<'a> Tracker<'a> {
     fn new(
         video: &'a DepthVideo,
         mesh: &'a TriMesh,
+        source: usize,
         options: &'a NrrOptions,
     ) -> Result<Self, NrrError> {
+        let gate = options.gate.unwrap_or_else(|| step_gate(video, source));
         let (vertices, faces) = (mesh.vertices(), mesh.faces());
         let (low, high) = mesh.bounds();
         let scale = (high - low).norm() / 2.0;
@@ -217,7 +242,7 @@ impl<'a> Tracker<'a> {
         let bound: Vec<u32> =
             (0..vertices.len() as u32).filter(|it| fine.is_bound[*it as usize]).collect();
         let step = bound.len().div_ceil(options.n_samples.max(1)).max(1);
-        let samples: Vec<u32> = bound.into_iter().step_by(step).collect();
+        let samples: Vec<u32> = bound.iter().copied().step_by(step).collect();
         let coarse = [DeformationGraph::rigid(vertices), graph(4.0)?, graph(2.0)?];
         let with_pattern = |it: DeformationGraph| {
             let pattern = Pattern::new(&it, &samples);
@@ -225,41 +250,70 @@ impl<'a> Tracker<'a> {
         };
         let coarse = coarse.into_iter().map(with_pattern).collect();
         let fine_pattern = Pattern::new(&fine, &samples);
-        Ok(Self { video, mesh, options, scale, samples, coarse, fine, fine_pattern })
+        Ok(Self { video, mesh, options, gate, scale, bound, samples, coarse, fine, fine_pattern })
     }
 
     /// Tracks one frame from the motion of its neighbour.
     fn step(&self, frame: usize, previous: &Motion) -> (Motion, Vec<Vec3>, FrameReport) {
-        let target = Target::new(self.video, frame, self.options.gate, self.options.smoothing);
-        let mut motion = previous.clone();
-        let (mut n_iterations, mut is_relocalized) = (0, false);
-        if !target.measured.is_empty() {
-            let before = warp(&self.fine, self.mesh.vertices(), &motion);
-            if self.is_off(&self.report(&target, &before)) {
-                let faces = self.mesh.faces();
-                let seed = self.options.seed ^ frame as u64;
-                if let Some(rigid) = relocalize(&target, &before, faces, self.scale, seed) {
-                    motion = self.moved(&motion, |it| rigid.0 * it + rigid.1, |_| rigid.0);
-                    is_relocalized = true;
-                }
+        if let Solver::Paper(options) = &self.options.solver {
+            return self.paper_step(frame, previous, options);
+        }
+        let before = warp(&self.fine, self.mesh.vertices(), previous);
+        let window = Window::around(self.video, frame, &before);
+        let smoothing = self.options.smoothing;
+        let target = Target::of_window(self.video, frame, window, self.gate, smoothing);
+        let first = self.report(&target, &before);
+        if target.measured.is_empty() {
+            return (previous.clone(), before, FrameReport { is_lost: true, ..first });
+        }
+        let (mut motion, mut is_relocalized) = (previous.clone(), false);
+        if self.is_off(&first) {
+            let faces = self.mesh.faces();
+            let seed = self.options.seed ^ frame as u64;
+            if let Some(rigid) = relocalize(&target, &before, faces, self.scale, seed) {
+                motion = self.moved(&motion, |it| rigid.0 * it + rigid.1, |_| rigid.0);
+                is_relocalized = true;
             }
-            (motion, n_iterations) = self.refine(&target, motion);
+        }
+        let (motion, n_iterations) = self.refine(&target, motion);
+        let vertices = warp(&self.fine, self.mesh.vertices(), &motion);
+        let report = self.report(&target, &vertices);
+        let is_lost = self.is_off(&report);
+        let report = FrameReport { n_iterations, is_relocalized, is_lost, ..report };
+        match is_lost && !(report.iou > first.iou) {
+            true => (previous.clone(), before, report),
+            false => (motion, vertices, report),
+        }
+    }
+
+    /// Tracks one frame as the paper does.
+    fn paper_step(
+        &self,
+        frame: usize,
+        previous: &Motion,
+        options: &PaperOptions,
+    ) -> (Motion, Vec<Vec3>, FrameReport) {
+        let target = Target::new(self.video, frame, self.gate, 0);
+        let points: Vec<Vec3> =
+            target.measured.iter().map(|it| target.points[*it as usize]).collect();
+        let mut motion = previous.clone();
+        let is_lost = points.is_empty();
+        if !is_lost {
+            let (nodes, rest) = (&self.fine.nodes, self.mesh.vertices());
+            let posed = Posed { graph: &self.fine, nodes, rest, samples: &self.bound };
+            let seed = self.options.seed ^ frame as u64;
+            motion = fit_frame(&posed, &points, previous, self.scale, options, seed);
         }
         let vertices = warp(&self.fine, self.mesh.vertices(), &motion);
-        let mut report = self.report(&target, &vertices);
-        report.n_iterations = n_iterations;
-        report.is_relocalized = is_relocalized;
-        if self.is_off(&report) {
-            let vertices = warp(&self.fine, self.mesh.vertices(), previous);
-            report = FrameReport { is_lost: true, ..report };
-            return (previous.clone(), vertices, report);
-        }
-        (motion, vertices, report)
+        let n_iterations = if is_lost { 0 } else { options.n_steps };
+        let report = self.report(&target, &vertices);
+        (motion, vertices, FrameReport { is_lost, n_iterations, ..report })
     }
 
     /// Whether a surface does not explain a frame.
     fn is_off(&self, report: &FrameReport) -> bool {
-        !(report.iou >= self.options.least_iou && report.residual <= 0.1 * self.scale)
+        let overlaps = report.overlap >= self.options.least_overlap;
+        !(overlaps && report.residual <= 0.1 * self.scale)
     }
 
     /// Level by level, from rigid to fine.
@@ -359,15 +413,18 @@ impl<'a> Tracker<'a> {
         let limits = self.limit(0.0);
         let places: Vec<(u32, Vec3)> =
             self.samples.iter().map(|it| (*it, vertices[*it as usize])).collect();
-        let (pairs, n_visible) = source_to_target(target, &seen, &places, &limits);
-        let distance =
-            |it: &super::correspond::Pair| (it.point - places[it.sample as usize].1).norm();
+        let visible = visible(target, &seen, &places, &limits);
+        let n_visible = visible.len();
+        let pairs = source_to_target(target, &seen, &visible, &limits);
+        let distance = |it: &Pair| (it.point - places[it.sample as usize].1).norm();
         let residual = pairs.iter().map(distance).sum::<f64>() / pairs.len() as f64;
-        let (_, coverage) = target_to_source(target, &seen, &places, &limits, 1.0, 4000);
+        let (_, coverage) = target_to_source(target, &seen, &visible, &limits, 1.0, 4000);
+        let (iou, overlap) = overlaps(target, &seen);
         FrameReport {
             residual,
             coverage,
-            iou: iou(target, &seen),
+            iou,
+            overlap,
             visible: n_visible as f64 / places.len().max(1) as f64,
             paired: pairs.len() as f64 / n_visible.max(1) as f64,
             is_lost: false,
