@@ -49,6 +49,7 @@ pub mod image;
 pub mod intrinsic;
 pub mod io;
 pub mod isosurface;
+pub mod joint_detection;
 pub mod joint_error;
 pub mod kabsch;
 pub mod landmark_error;

@@ -16,9 +16,18 @@ pub struct Bend {
     pub sample: usize,
     /// A rotation vector a pose, in radians, in the frame of the rest pose.
     pub turns: Vec<Vec3>,
+    /// How the side before it is turned in every pose.
+    pub frames: Vec<UnitQuaternion<f64>>,
 }
 
 impl Bend {
+    /// The root of the mean squared turn, in radians: the same shape as the greatest one, and less
+    /// dependent on a single pose.
+    pub fn spread(&self) -> f64 {
+        let sum: f64 = self.turns.iter().map(|it| it.norm_squared()).sum();
+        (sum / self.turns.len().max(1) as f64).sqrt()
+    }
+
     /// The greatest turn of all poses, in radians.
     pub fn angle(&self) -> f64 {
         self.turns.iter().map(|it| it.norm()).fold(0.0, f64::max)
@@ -165,7 +174,7 @@ fn along(chain: &Chain, index: usize, mut frames: Frames, window: f64) -> (Vec<B
             shortest_arc(rest, frame.inverse() * now).scaled_axis()
         };
         let turns = frames.iter().enumerate().map(turn).collect();
-        bends.push(Bend { chain: index, sample, turns });
+        bends.push(Bend { chain: index, sample, turns, frames: frames.clone() });
     }
     (bends, frames)
 }

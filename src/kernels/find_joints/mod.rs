@@ -1,7 +1,9 @@
 //! The joints of a figure, from its skeleton in several poses.
 
 mod bends;
+mod center;
 mod chains;
+mod reduced;
 mod symmetry;
 #[cfg(test)]
 mod tests;
@@ -9,7 +11,9 @@ mod tests;
 use nalgebra::DMatrix;
 
 use self::bends::{Bend, bends};
+use self::center::{Base, center};
 use self::chains::{Chain, chains};
+pub use self::reduced::joint_skeleton;
 use self::symmetry::images;
 use super::mesh::Vec3;
 use super::skeleton::Skeleton;
@@ -19,6 +23,14 @@ use super::skeleton::Skeleton;
 pub struct JointOptions {
     /// Directions are those of chords of this share of the skeleton's greatest extent; 0 for single bones.
     pub window: f64,
+    /// Joints are at least so many windows away from the ends of limbs, whose directions are uncertain.
+    pub tip: f64,
+    /// Joints are at least so many windows away from branch nodes, or at them; 0 for everywhere.
+    pub fork: f64,
+    /// Whether branch nodes may be joints.
+    pub at_forks: bool,
+    /// Put joints where the axes of limbs meet over the poses, not on the curve.
+    pub is_centered: bool,
     /// A joint bends by more than this, in degrees.
     pub min_angle: f64,
     /// Joints of one branch are at least so many windows apart.
@@ -37,6 +49,10 @@ impl Default for JointOptions {
     fn default() -> Self {
         Self {
             window: 0.05,
+            tip: 0.0,
+            fork: 0.0,
+            at_forks: true,
+            is_centered: true,
             min_angle: 15.0,
             separation: 1.0,
             min_spread: 5.0,
@@ -68,6 +84,13 @@ pub struct Joint {
     pub is_mirrored: bool,
 }
 
+impl Joint {
+    /// The joint of the skeleton that it is nearest to along its bone.
+    pub fn at(&self, skeleton: &Skeleton) -> usize {
+        skeleton.parents()[self.bone].filter(|_| self.share < 0.5).unwrap_or(self.bone)
+    }
+}
+
 /// Why there are no joints to be found.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum JointsError {
@@ -96,9 +119,9 @@ pub fn find_joints(
     let window = options.window * extent;
     let chains = chains(skeleton, poses, window / 4.0);
     let bends = bends(&chains, poses.len(), window);
-    let chosen = greatest(&chains, &bends, options, options.separation * window);
+    let chosen = greatest(&chains, &bends, window, options, options.separation * window);
     let mut joints: Vec<Joint> =
-        chosen.into_iter().map(|it| joint(skeleton, &chains, it, options)).collect();
+        chosen.into_iter().map(|it| joint(skeleton, &chains, it, window, options)).collect();
     if options.is_symmetric {
         let found = images(skeleton, &joints, options.symmetry_rating);
         let least = (options.separation * window).max(1e-9 * extent);
@@ -125,11 +148,31 @@ fn extent(points: &[Vec3]) -> f64 {
 fn greatest<'a>(
     chains: &[Chain],
     bends: &'a [Bend],
+    window: f64,
     options: &JointOptions,
     separation: f64,
 ) -> Vec<&'a Bend> {
-    let mut order: Vec<(f64, &Bend)> = bends.iter().map(|it| (it.angle(), it)).collect();
-    order.retain(|it| it.0 > options.min_angle.to_radians());
+    let is_bent = |it: &&Bend| it.angle() > options.min_angle.to_radians();
+    let mut order: Vec<(f64, &Bend)> =
+        bends.iter().filter(is_bent).map(|it| (it.spread(), it)).collect();
+    let is_parent: Vec<bool> =
+        (0..chains.len()).map(|it| chains.iter().any(|c| c.before == Some(it))).collect();
+    order.retain(|(_, bend)| {
+        let chain = &chains[bend.chain];
+        let way = chain.ways[bend.sample];
+        let after = chain.length() - way;
+        let (tip, fork) = (options.tip * window, options.fork * window);
+        let is_fork = bend.sample == 0;
+        let starts = chain.before.is_some()
+            || chains
+                .iter()
+                .filter(|c| c.before.is_none() && c.joints[0] == chain.joints[0])
+                .count()
+                > 1;
+        let start_ok =
+            if is_fork { options.at_forks } else { way >= if starts { fork } else { tip } };
+        start_ok && after >= if is_parent[bend.chain] { fork } else { tip }
+    });
     order.sort_by(|a, b| b.0.total_cmp(&a.0));
     // A slope beside a greater bend is no joint, so that lesser bends fall, too.
     let mut seen: Vec<&Bend> = Vec::new();
@@ -137,7 +180,9 @@ fn greatest<'a>(
     for (_, bend) in order {
         let way = |it: &Bend| chains[it.chain].ways[it.sample];
         let place = |it: &Bend| chains[it.chain].rest[it.sample];
-        let is_beside = |it: &&Bend| it.chain == bend.chain && it.sample.abs_diff(bend.sample) <= 1;
+        let is_beside = |it: &&Bend| {
+            separation > 0.0 && it.chain == bend.chain && it.sample.abs_diff(bend.sample) <= 1
+        };
         let is_near = |it: &&Bend| match it.chain == bend.chain {
             true => (way(it) - way(bend)).abs() < separation,
             false => (place(it) - place(bend)).norm() <= 1e-9 * chains[it.chain].length(),
@@ -151,22 +196,91 @@ fn greatest<'a>(
     chosen
 }
 
-fn joint(skeleton: &Skeleton, chains: &[Chain], bend: &Bend, options: &JointOptions) -> Joint {
+fn joint(
+    skeleton: &Skeleton,
+    chains: &[Chain],
+    bend: &Bend,
+    window: f64,
+    options: &JointOptions,
+) -> Joint {
     let chain = &chains[bend.chain];
     let place = chain.ways[bend.sample];
     let (bone, share) = bone_at(skeleton, chain, place);
+    let position = match options.is_centered && window > 0.0 {
+        true => center(chain, place, window, &base(chains, bend, window)),
+        false => chain.rest[bend.sample],
+    };
     let (spreads, axis) = freedoms(&bend.turns);
     let least = options.min_spread.max(options.spread_share * spreads[0]);
     Joint {
         bone,
         share,
-        position: chain.rest[bend.sample],
+        position,
         angle: bend.angle().to_degrees(),
         n_freedoms: spreads.iter().filter(|it| **it > least).count(),
         axis,
         spreads,
         is_mirrored: false,
     }
+}
+
+/// The side before a bend: the chain up to it, and where a branch node is near the chains around that
+/// node that turn as it does.
+fn base<'a>(chains: &[Chain], bend: &'a Bend, window: f64) -> Base<'a> {
+    const REACH: f64 = 3.0;
+    const STEPS: usize = 8;
+    const STILL_RAD: f64 = 0.2;
+    let chain = &chains[bend.chain];
+    let way = chain.ways[bend.sample];
+    let n_poses = bend.frames.len();
+    let mut base =
+        Base { frames: &bend.frames, rest: Vec::new(), poses: vec![Vec::new(); n_poses] };
+    let mut n_parts = 0;
+    let mut add = |it: &Chain, from: f64, to: f64| {
+        n_parts += 1;
+        for step in 0..=STEPS {
+            let at = from + (to - from) * step as f64 / STEPS as f64;
+            base.rest.push(it.place(None, at));
+            for (pose, places) in base.poses.iter_mut().enumerate() {
+                places.push(it.place(Some(pose), at));
+            }
+        }
+    };
+    let near = (way - REACH * window).max(0.0);
+    if way > 1.5 * window {
+        add(chain, near, way - 0.5 * window);
+        return base;
+    }
+    let reach = REACH * window;
+    let is_still = |it: &Chain, from: f64, to: f64| {
+        let chord = |pose| it.place(pose, to) - it.place(pose, from);
+        let is_like = |(pose, frame): (usize, &nalgebra::UnitQuaternion<f64>)| {
+            (frame * chord(None)).angle(&chord(Some(pose))) < STILL_RAD
+        };
+        bend.frames.iter().enumerate().all(is_like)
+    };
+    for (index, it) in chains.iter().enumerate() {
+        if index == bend.chain {
+            continue;
+        }
+        if Some(index) == chain.before {
+            let from = (it.length() - reach).max(0.0);
+            add(it, from, it.length());
+        } else if it.before == chain.before && it.joints[0] == chain.joints[0] {
+            let to = reach.min(it.length());
+            if is_still(it, 0.0, to) {
+                add(it, 0.0, to);
+            }
+        }
+    }
+    if n_parts == 0 {
+        return Base {
+            rest: vec![chain.place(None, way)],
+            poses: (0..n_poses).map(|it| vec![chain.place(Some(it), way)]).collect(),
+            ..base
+        };
+    }
+    base
 }
 
 /// The bone of the skeleton after a way along a chain.
