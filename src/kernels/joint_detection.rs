@@ -77,6 +77,7 @@ pub fn joint_detection(
     let moving = JointOptions {
         window: 0.0,
         min_angle: options.min_angle,
+        at_forks: true,
         is_symmetric: false,
         ..Default::default()
     };

@@ -16,8 +16,6 @@ pub struct Bend {
     pub sample: usize,
     /// A rotation vector a pose, in radians, in the frame of the rest pose.
     pub turns: Vec<Vec3>,
-    /// How the side before it is turned in every pose.
-    pub frames: Vec<UnitQuaternion<f64>>,
 }
 
 impl Bend {
@@ -174,7 +172,7 @@ fn along(chain: &Chain, index: usize, mut frames: Frames, window: f64) -> (Vec<B
             shortest_arc(rest, frame.inverse() * now).scaled_axis()
         };
         let turns = frames.iter().enumerate().map(turn).collect();
-        bends.push(Bend { chain: index, sample, turns, frames: frames.clone() });
+        bends.push(Bend { chain: index, sample, turns });
     }
     (bends, frames)
 }

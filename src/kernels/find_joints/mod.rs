@@ -1,7 +1,6 @@
 //! The joints of a figure, from its skeleton in several poses.
 
 mod bends;
-mod center;
 mod chains;
 mod reduced;
 mod symmetry;
@@ -11,7 +10,6 @@ mod tests;
 use nalgebra::DMatrix;
 
 use self::bends::{Bend, bends};
-use self::center::{Base, center};
 use self::chains::{Chain, chains};
 pub use self::reduced::joint_skeleton;
 use self::symmetry::images;
@@ -25,12 +23,10 @@ pub struct JointOptions {
     pub window: f64,
     /// Joints are at least so many windows away from the ends of limbs, whose directions are uncertain.
     pub tip: f64,
-    /// Joints are at least so many windows away from branch nodes, or at them; 0 for everywhere.
+    /// Joints on branches are at least so many windows away from branch nodes.
     pub fork: f64,
     /// Whether branch nodes may be joints.
     pub at_forks: bool,
-    /// Put joints where the axes of limbs meet over the poses, not on the curve.
-    pub is_centered: bool,
     /// A joint bends by more than this, in degrees.
     pub min_angle: f64,
     /// Joints of one branch are at least so many windows apart.
@@ -48,12 +44,11 @@ pub struct JointOptions {
 impl Default for JointOptions {
     fn default() -> Self {
         Self {
-            window: 0.05,
-            tip: 0.0,
-            fork: 0.0,
-            at_forks: true,
-            is_centered: true,
-            min_angle: 15.0,
+            window: 0.08,
+            tip: 2.0,
+            fork: 0.5,
+            at_forks: false,
+            min_angle: 25.0,
             separation: 1.0,
             min_spread: 5.0,
             spread_share: 0.2,
@@ -121,7 +116,7 @@ pub fn find_joints(
     let bends = bends(&chains, poses.len(), window);
     let chosen = greatest(&chains, &bends, window, options, options.separation * window);
     let mut joints: Vec<Joint> =
-        chosen.into_iter().map(|it| joint(skeleton, &chains, it, window, options)).collect();
+        chosen.into_iter().map(|it| joint(skeleton, &chains, it, options)).collect();
     if options.is_symmetric {
         let found = images(skeleton, &joints, options.symmetry_rating);
         let least = (options.separation * window).max(1e-9 * extent);
@@ -144,6 +139,21 @@ fn extent(points: &[Vec3]) -> f64 {
     (high - low).max()
 }
 
+/// Whether a bend is far enough from the ends of its chain.
+fn is_clear(chains: &[Chain], bend: &Bend, window: f64, options: &JointOptions) -> bool {
+    let chain = &chains[bend.chain];
+    let is_first = |it: &&Chain| it.before == chain.before && it.joints[0] == chain.joints[0];
+    let starts_at_fork = chain.before.is_some() || chains.iter().filter(is_first).count() > 1;
+    let ends_at_fork = chains.iter().any(|it| it.before == Some(bend.chain));
+    let least = |is_fork: bool| window * if is_fork { options.fork } else { options.tip };
+    let way = chain.ways[bend.sample];
+    let is_clear_of_start = match bend.sample {
+        0 => starts_at_fork && options.at_forks,
+        _ => way >= least(starts_at_fork),
+    };
+    is_clear_of_start && chain.length() - way >= least(ends_at_fork)
+}
+
 /// Bends that are greater than the others near them.
 fn greatest<'a>(
     chains: &[Chain],
@@ -155,24 +165,7 @@ fn greatest<'a>(
     let is_bent = |it: &&Bend| it.angle() > options.min_angle.to_radians();
     let mut order: Vec<(f64, &Bend)> =
         bends.iter().filter(is_bent).map(|it| (it.spread(), it)).collect();
-    let is_parent: Vec<bool> =
-        (0..chains.len()).map(|it| chains.iter().any(|c| c.before == Some(it))).collect();
-    order.retain(|(_, bend)| {
-        let chain = &chains[bend.chain];
-        let way = chain.ways[bend.sample];
-        let after = chain.length() - way;
-        let (tip, fork) = (options.tip * window, options.fork * window);
-        let is_fork = bend.sample == 0;
-        let starts = chain.before.is_some()
-            || chains
-                .iter()
-                .filter(|c| c.before.is_none() && c.joints[0] == chain.joints[0])
-                .count()
-                > 1;
-        let start_ok =
-            if is_fork { options.at_forks } else { way >= if starts { fork } else { tip } };
-        start_ok && after >= if is_parent[bend.chain] { fork } else { tip }
-    });
+    order.retain(|it| is_clear(chains, it.1, window, options));
     order.sort_by(|a, b| b.0.total_cmp(&a.0));
     // A slope beside a greater bend is no joint, so that lesser bends fall, too.
     let mut seen: Vec<&Bend> = Vec::new();
@@ -196,91 +189,22 @@ fn greatest<'a>(
     chosen
 }
 
-fn joint(
-    skeleton: &Skeleton,
-    chains: &[Chain],
-    bend: &Bend,
-    window: f64,
-    options: &JointOptions,
-) -> Joint {
+fn joint(skeleton: &Skeleton, chains: &[Chain], bend: &Bend, options: &JointOptions) -> Joint {
     let chain = &chains[bend.chain];
     let place = chain.ways[bend.sample];
     let (bone, share) = bone_at(skeleton, chain, place);
-    let position = match options.is_centered && window > 0.0 {
-        true => center(chain, place, window, &base(chains, bend, window)),
-        false => chain.rest[bend.sample],
-    };
     let (spreads, axis) = freedoms(&bend.turns);
     let least = options.min_spread.max(options.spread_share * spreads[0]);
     Joint {
         bone,
         share,
-        position,
+        position: chain.rest[bend.sample],
         angle: bend.angle().to_degrees(),
         n_freedoms: spreads.iter().filter(|it| **it > least).count(),
         axis,
         spreads,
         is_mirrored: false,
     }
-}
-
-/// The side before a bend: the chain up to it, and where a branch node is near the chains around that
-/// node that turn as it does.
-fn base<'a>(chains: &[Chain], bend: &'a Bend, window: f64) -> Base<'a> {
-    const REACH: f64 = 3.0;
-    const STEPS: usize = 8;
-    const STILL_RAD: f64 = 0.2;
-    let chain = &chains[bend.chain];
-    let way = chain.ways[bend.sample];
-    let n_poses = bend.frames.len();
-    let mut base =
-        Base { frames: &bend.frames, rest: Vec::new(), poses: vec![Vec::new(); n_poses] };
-    let mut n_parts = 0;
-    let mut add = |it: &Chain, from: f64, to: f64| {
-        n_parts += 1;
-        for step in 0..=STEPS {
-            let at = from + (to - from) * step as f64 / STEPS as f64;
-            base.rest.push(it.place(None, at));
-            for (pose, places) in base.poses.iter_mut().enumerate() {
-                places.push(it.place(Some(pose), at));
-            }
-        }
-    };
-    let near = (way - REACH * window).max(0.0);
-    if way > 1.5 * window {
-        add(chain, near, way - 0.5 * window);
-        return base;
-    }
-    let reach = REACH * window;
-    let is_still = |it: &Chain, from: f64, to: f64| {
-        let chord = |pose| it.place(pose, to) - it.place(pose, from);
-        let is_like = |(pose, frame): (usize, &nalgebra::UnitQuaternion<f64>)| {
-            (frame * chord(None)).angle(&chord(Some(pose))) < STILL_RAD
-        };
-        bend.frames.iter().enumerate().all(is_like)
-    };
-    for (index, it) in chains.iter().enumerate() {
-        if index == bend.chain {
-            continue;
-        }
-        if Some(index) == chain.before {
-            let from = (it.length() - reach).max(0.0);
-            add(it, from, it.length());
-        } else if it.before == chain.before && it.joints[0] == chain.joints[0] {
-            let to = reach.min(it.length());
-            if is_still(it, 0.0, to) {
-                add(it, 0.0, to);
-            }
-        }
-    }
-    if n_parts == 0 {
-        return Base {
-            rest: vec![chain.place(None, way)],
-            poses: (0..n_poses).map(|it| vec![chain.place(Some(it), way)]).collect(),
-            ..base
-        };
-    }
-    base
 }
 
 /// The bone of the skeleton after a way along a chain.

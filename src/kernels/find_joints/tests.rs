@@ -144,7 +144,7 @@ fn limbs_bend_at_branch_nodes_too() {
     // Each of several turns, on a figure that is turned as a whole: only the limbs that move bend.
     let turns = [("foot_l.1", [40.0, 0.0, 0.0]), ("elbow_r", [0.0, 50.0, 0.0])];
     let whole = [("pelvis", [0.0, 130.0, 0.0]), turns[0], turns[1]];
-    let options = JointOptions { is_symmetric: false, ..Default::default() };
+    let options = JointOptions { is_symmetric: false, at_forks: true, ..Default::default() };
     let joints = find_joints(&body, &[posed(&body, &whole)], &options).unwrap();
     assert_eq!(joints.len(), 2, "{joints:#?}");
     assert!((joints.iter().map(|it| it.angle).fold(0.0, f64::max) - 50.0).abs() < 1.0);

@@ -1,6 +1,5 @@
 //! One skeleton for many poses of a figure.
 
-mod align;
 mod merge;
 #[cfg(test)]
 mod tests;
@@ -8,7 +7,6 @@ mod tree;
 
 use nalgebra::Matrix3;
 
-use self::align::aligned;
 use self::merge::merge;
 use self::tree::UnionTree;
 use super::clip::Clip;
@@ -16,7 +14,7 @@ use super::kabsch::{best_rotation, shortest_arc};
 use super::mesh::Vec3;
 use super::skeleton::Skeleton;
 use super::skeleton_match::{
-    MatchError, MatchOptions, Partial, SkeletonGraph, SkeletonMatch, collapse, match_skeletons,
+    MatchError, MatchOptions, Partial, SkeletonGraph, SkeletonMatch, match_skeletons,
 };
 
 pub use self::tree::point_at;
@@ -30,14 +28,18 @@ pub struct UnionOptions {
     pub threshold: f64,
     /// The pose of the union's rest; the straightest one without.
     pub reference: Option<usize>,
-    /// Shift places along branches so that the bends of all poses come together.
-    pub is_aligned: bool,
 }
 
 impl Default for UnionOptions {
     fn default() -> Self {
-        let matching = MatchOptions { partial: Partial::Always, n_kept: 10, ..Default::default() };
-        Self { matching, threshold: 0.25, reference: None, is_aligned: true }
+        // One figure: places tell limbs apart better than lengths, which poses change.
+        let matching = MatchOptions {
+            partial: Partial::Always,
+            tolerance: 0.1,
+            n_kept: 10,
+            ..Default::default()
+        };
+        Self { matching, threshold: 0.25, reference: None }
     }
 }
 
@@ -98,11 +100,7 @@ pub fn union_skeleton(poses: &[&Skeleton], options: &UnionOptions) -> Result<Uni
         ratings[pose] = Some((matched.ratings(), near));
         merge(&mut tree, poses[pose], pose, &matched, options.threshold);
     }
-    let mut union = finish(&tree, ratings, options.reference);
-    if options.is_aligned {
-        align(&mut union);
-    }
-    Ok(union)
+    Ok(finish(&tree, ratings, options.reference))
 }
 
 /// The best match of the union, in any of its poses, with a skeleton, and that pose.
@@ -151,33 +149,6 @@ fn finish(
         .expect("a forest in depth-first order with finite places");
     let counts = order.iter().map(|it| tree.counts[it.0 as usize]).collect();
     Union { skeleton, reference, places, is_observed, counts, ratings }
-}
-
-/// Shifts places along the branches of all poses to where the reference pose bends alike.
-fn align(union: &mut Union) {
-    let graph = SkeletonGraph::from(&union.skeleton);
-    let collapsed = collapse(&graph);
-    let length = |places: &[Vec3]| -> f64 {
-        union.skeleton.bones().map(|(a, b)| (places[a] - places[b]).norm()).sum()
-    };
-    let total = length(union.skeleton.positions());
-    let scales: Vec<f64> = union.places.iter().map(|it| total / length(it)).collect();
-    for (branch, it) in collapsed.branches.iter().enumerate() {
-        let nodes = collapsed.nodes_along(branch as u32, it.ends[0]);
-        let line = |places: &[Vec3]| -> Vec<Vec3> {
-            nodes.iter().map(|&it| places[it as usize]).collect()
-        };
-        let reference = line(union.skeleton.positions());
-        for (pose, places) in union.places.iter_mut().enumerate() {
-            if pose == union.reference {
-                continue;
-            }
-            let shifted = aligned(&reference, &line(places), scales[pose]);
-            for (&node, place) in nodes.iter().zip(shifted) {
-                places[node as usize] = place;
-            }
-        }
-    }
 }
 
 /// All nodes with the indices of their parents, parents first.
