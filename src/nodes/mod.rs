@@ -19,7 +19,9 @@ mod embed;
 mod farm_map;
 mod fmap;
 mod icp_refine;
+mod joint_detection_error;
 mod joint_error;
+mod joints;
 mod landmark_error;
 mod landmarks;
 mod landmarks_auto;
@@ -68,6 +70,7 @@ mod table_file;
 mod transfer;
 mod transfer_animation;
 mod transfer_weights;
+mod union_skeleton;
 mod zoomout;
 
 /// Every kind. Keep sorted by name.
@@ -89,7 +92,9 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<farm_map::FarmMap>(),
     NodeKind::of::<fmap::Fmap>(),
     NodeKind::of::<icp_refine::IcpRefine>(),
+    NodeKind::of::<joint_detection_error::JointDetectionError>(),
     NodeKind::of::<joint_error::JointError>(),
+    NodeKind::of::<joints::Joints>(),
     NodeKind::of::<landmark_error::LandmarkError>(),
     NodeKind::of::<landmarks::LandmarksNode>(),
     NodeKind::of::<landmarks_auto::LandmarksAuto>(),
@@ -138,5 +143,6 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<transfer::Transfer>(),
     NodeKind::of::<transfer_animation::TransferAnimationNode>(),
     NodeKind::of::<transfer_weights::TransferWeights>(),
+    NodeKind::of::<union_skeleton::UnionSkeleton>(),
     NodeKind::of::<zoomout::ZoomOut>(),
 ];

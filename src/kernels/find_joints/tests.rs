@@ -1,0 +1,165 @@
+use std::collections::BTreeMap;
+
+use nalgebra::UnitQuaternion;
+
+use super::*;
+use crate::kernels::fit_clip::world_positions;
+use crate::kernels::pose::{Turn, pose};
+use crate::kernels::random::Random;
+
+/// Joints of a rig with `n` nodes along every bone; names are kept.
+fn figure(rig: &[(&str, Option<usize>, [f64; 3])], n: usize) -> Skeleton {
+    let (mut names, mut parents, mut points) = (Vec::new(), Vec::new(), Vec::new());
+    let mut node_of: Vec<usize> = Vec::new();
+    for (name, parent, place) in rig {
+        let end = Vec3::from(*place);
+        let mut last = parent.map(|it: usize| node_of[it]);
+        if let Some(from) = last {
+            let start: Vec3 = points[from];
+            for step in 1..n {
+                names.push(format!("{name}.{step}"));
+                parents.push(last);
+                last = Some(points.len());
+                points.push(start + (end - start) * (step as f64 / n as f64));
+            }
+        }
+        names.push((*name).to_owned());
+        parents.push(last);
+        node_of.push(points.len());
+        points.push(end);
+    }
+    Skeleton::new(names, parents, points).unwrap()
+}
+
+fn arm() -> Skeleton {
+    let rig = [
+        ("shoulder", None, [0.0, 0.0, 0.0]),
+        ("elbow", Some(0), [1.0, 0.0, 0.0]),
+        ("hand", Some(1), [2.0, 0.0, 0.0]),
+    ];
+    figure(&rig, 12)
+}
+
+fn body() -> Skeleton {
+    let rig = [
+        ("pelvis", None, [0.0, 1.0, 0.0]),
+        ("chest", Some(0), [0.0, 1.5, 0.0]),
+        ("head", Some(1), [0.0, 1.8, 0.0]),
+        ("elbow_l", Some(1), [0.4, 1.5, 0.0]),
+        ("hand_l", Some(3), [0.8, 1.5, 0.0]),
+        ("elbow_r", Some(1), [-0.4, 1.5, 0.0]),
+        ("hand_r", Some(5), [-0.8, 1.5, 0.0]),
+        ("foot_l", Some(0), [0.2, 0.0, 0.0]),
+        ("foot_r", Some(0), [-0.2, 0.0, 0.0]),
+    ];
+    figure(&rig, 10)
+}
+
+fn posed(skeleton: &Skeleton, turns: &[(&str, Turn)]) -> Vec<Vec3> {
+    let turns: BTreeMap<String, Turn> = turns.iter().map(|it| (it.0.to_owned(), it.1)).collect();
+    let clip = pose(skeleton, &turns, None).unwrap();
+    world_positions(&clip, 0, skeleton.parents())
+}
+
+#[test]
+fn an_arm_of_two_bones_has_one_joint_with_one_hinge() {
+    let arm = arm();
+    let axis = Vec3::new(0.0, 0.6, 0.8);
+    let bent = |degrees: f64| {
+        let turn = UnitQuaternion::new(axis * f64::to_radians(degrees));
+        let elbow = Vec3::x();
+        let place = |it: &Vec3| if it.x > 1.0 { elbow + turn * (it - elbow) } else { *it };
+        arm.positions().iter().map(place).collect::<Vec<_>>()
+    };
+    for window in [0.0, 0.05, 0.1] {
+        let options = JointOptions { window, ..Default::default() };
+        let joints = find_joints(&arm, &[bent(0.0), bent(45.0), bent(90.0)], &options).unwrap();
+        assert_eq!((joints.len(), joints[0].n_freedoms), (1, 1));
+        assert!((joints[0].position - Vec3::x()).norm() < 1e-6);
+        assert!((joints[0].angle - 90.0).abs() < 1e-6);
+        assert!(joints[0].axis.angle(&axis).to_degrees() < 1.0);
+    }
+}
+
+#[test]
+fn a_root_of_two_bones_may_be_a_joint() {
+    let rig = [
+        ("elbow", None, [0.0, 0.0, 0.0]),
+        ("shoulder", Some(0), [-1.0, 0.0, 0.0]),
+        ("hand", Some(0), [1.0, 0.0, 0.0]),
+    ];
+    let skeleton = figure(&rig, 8);
+    let turn = UnitQuaternion::new(Vec3::z() * 1.0);
+    let place = |it: &Vec3| if it.x > 0.0 { turn * it } else { *it };
+    let bent: Vec<Vec3> = skeleton.positions().iter().map(place).collect();
+    let joints = find_joints(&skeleton, &[bent], &JointOptions::default()).unwrap();
+    assert_eq!(joints.len(), 1);
+    assert!(joints[0].position.norm() < 1e-9);
+}
+
+#[test]
+fn two_axes_are_two_freedoms() {
+    let arm = arm();
+    let poses: Vec<Vec<Vec3>> = [[0.0, 0.0, 50.0], [0.0, 50.0, 0.0], [0.0, 0.0, -40.0]]
+        .iter()
+        .map(|&turn| posed(&arm, &[("elbow", turn)]))
+        .collect();
+    let joints = find_joints(&arm, &poses, &JointOptions::default()).unwrap();
+    assert_eq!((joints.len(), joints[0].n_freedoms), (1, 2));
+    assert!(joints[0].spreads[2] < 1e-6, "roll cannot be seen");
+}
+
+#[test]
+fn rigid_motions_have_no_joints() {
+    let mut random = Random::new(4);
+    for skeleton in [arm(), body()] {
+        let mut moved = || {
+            let turn = UnitQuaternion::from_scaled_axis(Vec3::from_fn(|_, _| random.normal()));
+            let by = Vec3::from_fn(|_, _| random.normal());
+            skeleton.positions().iter().map(|it| turn * it + by).collect::<Vec<_>>()
+        };
+        let poses = [moved(), moved(), moved()];
+        for window in [0.0, 0.08] {
+            let options = JointOptions { window, ..Default::default() };
+            assert_eq!(find_joints(&skeleton, &poses, &options).unwrap(), []);
+        }
+    }
+}
+
+#[test]
+fn an_elbow_that_moves_tells_of_the_other() {
+    let body = body();
+    let poses = [posed(&body, &[]), posed(&body, &[("elbow_l", [0.0, 0.0, 60.0])])];
+    let joints = find_joints(&body, &poses, &JointOptions::default()).unwrap();
+    let places: Vec<f64> = joints.iter().map(|it| it.position.x).collect();
+    assert!((places[0] - 0.4).abs() < 1e-6 && (places[1] + 0.4).abs() < 1e-6, "{places:?}");
+    assert_eq!(joints.iter().map(|it| it.is_mirrored).collect::<Vec<_>>(), [false, true]);
+    let options = JointOptions { is_symmetric: false, ..Default::default() };
+    assert_eq!(find_joints(&body, &poses, &options).unwrap().len(), 1);
+}
+
+#[test]
+fn limbs_bend_at_branch_nodes_too() {
+    let body = body();
+    // Each of several turns, on a figure that is turned as a whole: only the limbs that move bend.
+    let turns = [("foot_l.1", [40.0, 0.0, 0.0]), ("elbow_r", [0.0, 50.0, 0.0])];
+    let whole = [("pelvis", [0.0, 130.0, 0.0]), turns[0], turns[1]];
+    let options = JointOptions { is_symmetric: false, at_forks: true, ..Default::default() };
+    let joints = find_joints(&body, &[posed(&body, &whole)], &options).unwrap();
+    assert_eq!(joints.len(), 2, "{joints:#?}");
+    assert!((joints.iter().map(|it| it.angle).fold(0.0, f64::max) - 50.0).abs() < 1.0);
+}
+
+#[test]
+fn odd_skeletons_have_no_joints() {
+    let point = Skeleton::new(vec!["a".to_owned()], vec![None], vec![Vec3::x()]).unwrap();
+    let options = JointOptions::default();
+    assert_eq!(find_joints(&point, &[vec![Vec3::zeros()]], &options).unwrap(), []);
+    assert_eq!(find_joints(&arm(), &[], &options).unwrap(), []);
+    let names = ["a", "b", "c"].map(str::to_owned).to_vec();
+    let same = vec![Vec3::x(); 3];
+    let flat = Skeleton::new(names, vec![None, Some(0), Some(1)], same.clone()).unwrap();
+    assert_eq!(find_joints(&flat, &[same], &options).unwrap(), []);
+    let error = find_joints(&point, &[vec![]], &options).unwrap_err();
+    assert_eq!(error.to_string(), "pose 0 has 0 joints, but the skeleton 1");
+}

@@ -1,0 +1,152 @@
+//! Kind `joint_detection_error`.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::engine::node::{Input, Inputs, Node, NodeError, NodeIo, Output, Spec};
+use crate::kernels::joint_detection::{Detection, DetectionOptions, joint_detection};
+use crate::kernels::joint_error::{HeightAxis, height};
+use crate::kernels::mesh::{TriMesh, Vec3};
+use crate::kernels::skeleton::Skeleton;
+use crate::kernels::table::{Column, Table};
+
+/// Measures how many of the joints that move were detected, and how near.
+///
+/// True joints are those of the rig that bend between its poses; its ends never do, and roll about bones
+/// does not count. A true and a detected joint that are near enough make a pair, the nearest first.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct JointDetectionError {
+    /// True joints bend by more than this against the pose of `truth`, in degrees.
+    #[schemars(range(min = 0.0, max = 180.0))]
+    pub min_angle: f64,
+    /// The farthest that a detected joint may be from a true one, in percent of the height.
+    #[schemars(range(min = 0.0, max = 100.0))]
+    pub tolerance: f64,
+    /// What counts as the height.
+    pub height: HeightAxis,
+}
+
+impl Default for JointDetectionError {
+    fn default() -> Self {
+        Self { min_angle: 15.0, tolerance: 2.0, height: HeightAxis::default() }
+    }
+}
+
+impl JointDetectionError {
+    const DETECTED: Input<Table> =
+        Input::new("detected", "detected joints: columns `x`, `y`, `z`, as `joints` makes them");
+    const TRUTH: Input<Skeleton> = Input::new("truth", "the rig, in the pose of these places");
+    const POSES: Inputs<Skeleton> = Inputs::new("poses", "the rig in all poses");
+    const MESH: Input<TriMesh> = Input::new("mesh", "the shape, for its height");
+    const JOINTS: Output<Table> =
+        Output::new("joints", "one row a joint that moves, then one for each wrong detection");
+    const SUMMARY: Output<Table> =
+        Output::new("summary", "one row: counts, precision, recall, distances");
+}
+
+impl Node for JointDetectionError {
+    const SPEC: Spec = Spec {
+        kind: "joint_detection_error",
+        version: 1,
+        inputs: &[Self::DETECTED.port(), Self::TRUTH.port(), Self::POSES.port(), Self::MESH.port()],
+        outputs: &[Self::SUMMARY.port(), Self::JOINTS.port()],
+        cites: &["madaras2014skeleton"],
+        example: r#"[nodes.body]
+kind = "synthesize"
+n_vertices = 1000
+
+[nodes.joints]
+kind = "joints"
+skeleton = "@body.skeleton"
+clip = "@body.clip"
+
+[nodes.bent]
+kind = "pose"
+mesh = "@body.mesh"
+skeleton = "@body.skeleton"
+weights = "@body.weights"
+turns = { left_forearm = [0, 0, 60] }
+
+[nodes.score]
+kind = "joint_detection_error"
+detected = "@joints.joints"
+truth = "@body.skeleton"
+poses = ["@bent.skeleton"]
+mesh = "@body.mesh"
+"#,
+    };
+
+    fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
+        let (table, truth) = (io.get(Self::DETECTED), io.get(Self::TRUTH));
+        let failed =
+            |error: crate::kernels::table::TableError| NodeError::failed(error.to_string());
+        let mut places = vec![Vec3::zeros(); table.n_data_rows()];
+        for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+            let values = table.numbers(name, "a place").map_err(failed)?;
+            for (place, value) in places.iter_mut().zip(values) {
+                place[axis] = *value;
+            }
+        }
+        if let Some(row) = places.iter().position(|it| it.iter().any(|it| !it.is_finite())) {
+            return Err(NodeError::failed(format!("row {row} of `detected` is no place")));
+        }
+        let height = height(&io.get(Self::MESH), self.height);
+        if !(height > 0.0) {
+            return Err(NodeError::failed("the mesh has no extent along the chosen axis"));
+        }
+        let poses: Vec<_> =
+            io.get_all(Self::POSES).iter().map(|it| it.positions().to_vec()).collect();
+        let options =
+            DetectionOptions { min_angle: self.min_angle, tolerance: self.tolerance, height };
+        let res = joint_detection(&places, &truth, &poses, &options)?;
+        if res.truth.is_empty() {
+            io.note(format!("no joint of the rig bends by more than {} degrees", self.min_angle));
+        }
+        io.put(Self::JOINTS, joints_table(&res));
+        io.put(Self::SUMMARY, summary(&res));
+        Ok(())
+    }
+}
+
+fn joints_table(res: &Detection) -> Table {
+    let n_wrong = res.wrong.len();
+    let number = |name: &str, unit: &str, of: &dyn Fn(usize) -> f64| {
+        let known = (0..res.truth.len()).map(of);
+        Column::numbers(name, unit, known.chain(std::iter::repeat_n(f64::NAN, n_wrong)).collect())
+    };
+    let texts = |name: &str, of: &dyn Fn(usize) -> String, wrong: &dyn Fn(usize) -> String| {
+        let known = (0..res.truth.len()).map(of);
+        Column::texts(name, known.chain((0..n_wrong).map(wrong)).collect())
+    };
+    let outcome = |it: usize| match res.truth[it].found {
+        Some(_) => "found".to_owned(),
+        None => "missed".to_owned(),
+    };
+    let distance = |it: usize| match res.truth[it].distance {
+        it if it.is_finite() => it,
+        _ => f64::NAN,
+    };
+    Table::new(vec![
+        texts("joint", &|it| res.truth[it].name.clone(), &|it| format!("row {}", res.wrong[it])),
+        texts("outcome", &outcome, &|_| "wrong".to_owned()),
+        number("angle", "°", &|it| res.truth[it].angle),
+        number("distance of height", "%", &distance),
+    ])
+}
+
+fn summary(res: &Detection) -> Table {
+    let distances = res.distances();
+    let mean = distances.iter().sum::<f64>() / distances.len() as f64;
+    let greatest = distances.iter().copied().fold(f64::NAN, f64::max);
+    let number = |name, unit, value| Column::numbers(name, unit, vec![value]);
+    Table::new(vec![
+        number("true joints", "", res.truth.len() as f64),
+        number("detected", "", res.n_detected as f64),
+        number("found", "", res.n_found() as f64),
+        number("precision", "", res.precision()),
+        number("recall", "", res.recall()),
+        number("mean of height", "%", mean),
+        number("max of height", "%", greatest),
+    ])
+}

@@ -1,0 +1,153 @@
+//! Kind `joints`.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
+use crate::kernels::clip::Clip;
+use crate::kernels::find_joints::{Joint, JointOptions, find_joints, joint_skeleton};
+use crate::kernels::fit_clip::world_positions;
+use crate::kernels::skeleton::Skeleton;
+use crate::kernels::table::{Column, Table};
+
+/// Finds the joints of a figure from its skeleton in several poses.
+///
+/// A joint is where the skeleton bends most against the pose that it comes in. How a limb rolls about
+/// itself cannot be seen, so a joint has one or two degrees of freedom.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Joints {
+    /// Directions are taken over this share of the skeleton's greatest extent.
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub window: f64,
+    /// A joint bends by more than this, in degrees.
+    #[schemars(range(min = 0.0, max = 180.0))]
+    pub min_angle: f64,
+    /// Joints of one branch are at least so many windows apart.
+    #[schemars(range(min = 0.0, max = 100.0))]
+    pub separation: f64,
+    /// Joints are at least so many windows from the ends of limbs.
+    #[schemars(range(min = 0.0, max = 100.0))]
+    pub tip: f64,
+    /// Joints on branches are at least so many windows from branch nodes.
+    #[schemars(range(min = 0.0, max = 100.0))]
+    pub fork: f64,
+    /// Branch nodes may be joints.
+    pub at_forks: bool,
+    /// A degree of freedom turns by more than this, in degrees (root of the mean square)…
+    #[schemars(range(min = 0.0, max = 180.0))]
+    pub min_spread: f64,
+    /// … and by more than this share of the first one.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub spread_share: f64,
+    /// Give joints images on limbs that are like their own.
+    pub symmetric: bool,
+    /// How unlike limbs may be for that: the greatest rating of the skeleton's match with itself.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub symmetry: f64,
+}
+
+impl Default for Joints {
+    fn default() -> Self {
+        let it = JointOptions::default();
+        Self {
+            window: it.window,
+            min_angle: it.min_angle,
+            separation: it.separation,
+            tip: it.tip,
+            fork: it.fork,
+            at_forks: it.at_forks,
+            min_spread: it.min_spread,
+            spread_share: it.spread_share,
+            symmetric: it.is_symmetric,
+            symmetry: it.symmetry_rating,
+        }
+    }
+}
+
+impl Joints {
+    const SKELETON: Input<Skeleton> =
+        Input::new("skeleton", "a skeleton of many nodes, in the pose that bends are held against");
+    const CLIP: Input<Clip> = Input::new("clip", "its poses, a frame each");
+    const JOINTS: Output<Table> =
+        Output::new("joints", "one row a joint: place, angle, degrees of freedom, axis");
+    const REDUCED: Output<Skeleton> =
+        Output::new("skeleton", "joints, roots, branch nodes and ends only");
+}
+
+impl Node for Joints {
+    const SPEC: Spec = Spec {
+        kind: "joints",
+        version: 1,
+        inputs: &[Self::SKELETON.port(), Self::CLIP.port()],
+        outputs: &[Self::JOINTS.port(), Self::REDUCED.port()],
+        cites: &["madaras2014skeleton"],
+        example: r#"[nodes.body]
+kind = "synthesize"
+n_vertices = 1000
+
+[nodes.joints]
+kind = "joints"
+skeleton = "@body.skeleton"
+clip = "@body.clip"
+"#,
+    };
+
+    fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
+        let (skeleton, clip) = (io.get(Self::SKELETON), io.get(Self::CLIP));
+        let n_joints = skeleton.n_joints();
+        if clip.n_joints != n_joints {
+            let found = clip.n_joints;
+            let message = format!("the clip has {found} joints, but the skeleton {n_joints}");
+            return Err(NodeError::failed(message));
+        }
+        let parents = skeleton.parents();
+        let poses: Vec<_> =
+            (0..clip.n_frames()).map(|frame| world_positions(&clip, frame, parents)).collect();
+        let options = JointOptions {
+            window: self.window,
+            min_angle: self.min_angle,
+            separation: self.separation,
+            tip: self.tip,
+            fork: self.fork,
+            at_forks: self.at_forks,
+            min_spread: self.min_spread,
+            spread_share: self.spread_share,
+            is_symmetric: self.symmetric,
+            symmetry_rating: self.symmetry,
+        };
+        let joints = find_joints(&skeleton, &poses, &options)?;
+        if joints.is_empty() {
+            let (n_poses, least) = (poses.len(), self.min_angle);
+            io.note(format!("nothing bends by more than {least} degrees in {n_poses} poses"));
+        }
+        io.put(Self::JOINTS, table(&skeleton, &joints));
+        io.put(Self::REDUCED, joint_skeleton(&skeleton, &joints));
+        Ok(())
+    }
+}
+
+fn table(skeleton: &Skeleton, joints: &[Joint]) -> Table {
+    let number = |name: &str, unit: &str, of: &dyn Fn(&Joint) -> f64| {
+        Column::numbers(name, unit, joints.iter().map(of).collect())
+    };
+    // The axis of an image is not known.
+    let axis =
+        |index: usize| move |it: &Joint| if it.is_mirrored { f64::NAN } else { it.axis[index] };
+    let node = |it: &Joint| skeleton.names()[it.at(skeleton)].clone();
+    let source = |it: &Joint| if it.is_mirrored { "image" } else { "seen" }.to_owned();
+    Table::new(vec![
+        Column::texts("node", joints.iter().map(node).collect()),
+        number("x", "", &|it| it.position.x),
+        number("y", "", &|it| it.position.y),
+        number("z", "", &|it| it.position.z),
+        number("angle", "°", &|it| it.angle),
+        number("freedoms", "", &|it| it.n_freedoms as f64),
+        number("axis x", "", &axis(0)),
+        number("axis y", "", &axis(1)),
+        number("axis z", "", &axis(2)),
+        number("first spread", "°", &|it| it.spreads[0]),
+        number("second spread", "°", &|it| it.spreads[1]),
+        Column::texts("source", joints.iter().map(source).collect()),
+    ])
+}
