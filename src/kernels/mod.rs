@@ -94,6 +94,7 @@ pub mod simplify_skeleton;
 pub mod skeleton;
 pub mod skeleton_cleanup;
 pub mod skeleton_placement;
+pub mod skeleton_texture;
 pub mod skeleton_transfer;
 pub mod skin_weights;
 pub mod skinning;

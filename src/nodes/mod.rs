@@ -51,6 +51,7 @@ mod rooted_skeleton;
 mod segment;
 mod segments_by_name;
 mod simplify_skeleton;
+mod skeleton_texture;
 mod skeletonize;
 mod skin_weights;
 mod snapshot;
@@ -116,6 +117,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<segment::Segment>(),
     NodeKind::of::<segments_by_name::SegmentsByName>(),
     NodeKind::of::<simplify_skeleton::SimplifySkeleton>(),
+    NodeKind::of::<skeleton_texture::SkeletonTextureNode>(),
     NodeKind::of::<skeletonize::Skeletonize>(),
     NodeKind::of::<skin_weights::SkinWeightsNode>(),
     NodeKind::of::<snapshot::Snapshot>(),
