@@ -100,6 +100,7 @@ pub mod skeleton_baselines;
 pub mod skeleton_cleanup;
 pub mod skeleton_match;
 pub mod skeleton_placement;
+pub mod skeleton_texture;
 pub mod skeleton_transfer;
 pub mod skin_weights;
 pub mod skinning;

@@ -55,6 +55,7 @@ mod segment;
 mod segment_map;
 mod segments_by_name;
 mod simplify_skeleton;
+mod skeleton_texture;
 mod skeletonize;
 mod skeletonize_kmeans;
 mod skeletonize_le;
@@ -128,6 +129,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<segment_map::SegmentMapNode>(),
     NodeKind::of::<segments_by_name::SegmentsByName>(),
     NodeKind::of::<simplify_skeleton::SimplifySkeleton>(),
+    NodeKind::of::<skeleton_texture::SkeletonTextureNode>(),
     NodeKind::of::<skeletonize::Skeletonize>(),
     NodeKind::of::<skeletonize_kmeans::SkeletonizeKmeans>(),
     NodeKind::of::<skeletonize_le::SkeletonizeLe>(),

@@ -26,6 +26,8 @@ pub struct Body<'a> {
 struct Group {
     /// Of the mesh.
     vertices: Vec<u32>,
+    /// Joints that move any of them, ascending.
+    joints: Vec<u32>,
     tree: GroupTree,
 }
 
@@ -50,7 +52,7 @@ impl<'a> Body<'a> {
                 touching.insert([joints[a] as usize, joints[b] as usize]);
             }
         }
-        let groups = faces.iter().map(|it| Group::new(it, mesh.vertices())).collect();
+        let groups = faces.iter().map(|it| Group::new(it, mesh.vertices(), weights)).collect();
         let pairs = Vec::new();
         let rest = mesh.vertices();
         let mut body = Self { skeleton, weights, rest, groups, pairs, n_crossing_at_rest: 0 };
@@ -116,6 +118,16 @@ impl<'a> Body<'a> {
         group.tree.refit(&pose.points, &mut pose.bounds);
     }
 
+    /// Whether any of a group moves when some joints turn.
+    pub fn follows(&self, joint: usize, turned: &[usize]) -> bool {
+        let parents = self.skeleton.parents();
+        let is_below = |&it: &u32| {
+            std::iter::successors(Some(it as usize), |&it| parents[it])
+                .any(|it| turned.contains(&it))
+        };
+        self.groups[joint].joints.iter().any(is_below)
+    }
+
     /// The motions of all joints from rest.
     pub fn world_from_rest(
         &self,
@@ -171,14 +183,17 @@ impl<'a> Body<'a> {
 }
 
 impl Group {
-    fn new(faces: &[[u32; 3]], places: &[Vec3]) -> Self {
+    fn new(faces: &[[u32; 3]], places: &[Vec3], weights: &SkinWeights) -> Self {
         let mut vertices: Vec<u32> = faces.iter().flatten().copied().collect();
         vertices.sort_unstable();
         vertices.dedup();
         let local = |it: u32| vertices.binary_search(&it).expect("all are listed") as u32;
         let faces: Vec<[u32; 3]> = faces.iter().map(|it| it.map(local)).collect();
         let points: Vec<Vec3> = vertices.iter().map(|&it| places[it as usize]).collect();
-        Self { tree: GroupTree::new(faces, &points), vertices }
+        let joints: BTreeSet<u32> =
+            vertices.iter().flat_map(|&it| weights.row(it as usize).map(|it| it.0)).collect();
+        let joints = joints.into_iter().collect();
+        Self { tree: GroupTree::new(faces, &points), vertices, joints }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Two groups of faces in a frame, and the joints that can part them.
 
 use nalgebra::UnitQuaternion;
+use rayon::prelude::*;
 
 use super::body::{Body, GroupPose, largest_move};
 use crate::kernels::mesh::Vec3;
@@ -33,19 +34,21 @@ const FINE: usize = 8;
 impl Key<'_> {
     /// Turns joints so that two groups do not cross, if there is a way; whether anything was turned.
     pub fn free_pair(&self, pair: [usize; 2], rotations: &mut [UnitQuaternion<f64>]) -> bool {
-        let start = pair.map(|it| self.posed(it, rotations));
-        if !self.body.pair_crosses(pair, &start) {
+        let trial = Trial { key: self, pair, rotations, start: self.posed(pair, rotations) };
+        if !self.body.pair_crosses(pair, &trial.start) {
             return false;
         }
         let rest = vec![UnitQuaternion::identity(); rotations.len()];
         for towards in [self.safe, &rest] {
-            let ways = self.ways(pair, towards).into_iter();
-            let tried = ways.filter_map(|it| self.tried(it, pair, &start, rotations));
-            let best = tried.reduce(|a, b| if b.moves < a.moves { b } else { a });
+            let ways = self.ways(pair, towards);
+            let tried: Vec<Option<Way<'_>>> =
+                ways.into_par_iter().map(|it| trial.tried(it)).collect();
+            let best = tried.into_iter().flatten();
+            let best = best.reduce(|a, b| if b.moves < a.moves { b } else { a });
             if let Some(mut way) = best {
-                let step = 0.5_f64.powi(ROUGH as i32);
-                self.bisect(&mut way, pair, rotations, step, FINE);
-                rotations.copy_from_slice(&way.turned(rotations));
+                trial.bisect(&mut way, 0.5_f64.powi(ROUGH as i32), FINE);
+                let turned = way.turned(rotations);
+                rotations.copy_from_slice(&turned);
                 return true;
             }
         }
@@ -78,51 +81,65 @@ impl Key<'_> {
         [a[n_common..].to_vec(), b[n_common..].to_vec()]
     }
 
+    fn posed(&self, pair: [usize; 2], rotations: &[UnitQuaternion<f64>]) -> [GroupPose; 2] {
+        let transforms = self.body.world_from_rest(rotations, self.offsets);
+        pair.map(|group| {
+            let mut pose = GroupPose::default();
+            self.body.pose_group(group, &transforms, &mut pose);
+            pose
+        })
+    }
+}
+
+/// Two groups that cross, and ways to part them.
+struct Trial<'a> {
+    key: &'a Key<'a>,
+    pair: [usize; 2],
+    rotations: &'a [UnitQuaternion<f64>],
+    start: [GroupPose; 2],
+}
+
+impl Trial<'_> {
     /// How far a way must be gone, roughly; `None` if it does not help.
-    fn tried<'b>(
-        &self,
-        mut way: Way<'b>,
-        pair: [usize; 2],
-        start: &[GroupPose; 2],
-        rotations: &[UnitQuaternion<f64>],
-    ) -> Option<Way<'b>> {
-        let poses = pair.map(|it| self.posed(it, &way.turned(rotations)));
-        if self.body.pair_crosses(pair, &poses) {
+    fn tried<'b>(&self, mut way: Way<'b>) -> Option<Way<'b>> {
+        let mut poses = self.start.clone();
+        let body = self.key.body;
+        let follows = self.pair.map(|it| body.follows(it, &way.joints));
+        if self.crosses(&way, follows, &mut poses) {
             return None;
         }
-        self.bisect(&mut way, pair, rotations, 1.0, ROUGH);
-        let poses = pair.map(|it| self.posed(it, &way.turned(rotations)));
-        way.moves = (0..2).map(|it| largest_move(&start[it], &poses[it])).fold(0.0, f64::max);
+        self.bisect(&mut way, 1.0, ROUGH);
+        self.pose(&way, follows, &mut poses);
+        way.moves = (0..2).map(|it| largest_move(&self.start[it], &poses[it])).fold(0.0, f64::max);
         Some(way)
     }
 
     /// Looks for the largest free `along` between its value and that and a step more.
-    fn bisect(
-        &self,
-        way: &mut Way<'_>,
-        pair: [usize; 2],
-        rotations: &[UnitQuaternion<f64>],
-        mut step: f64,
-        rounds: usize,
-    ) {
-        let free = way.along;
+    fn bisect(&self, way: &mut Way<'_>, mut step: f64, rounds: usize) {
+        let mut poses = self.start.clone();
+        let follows = self.pair.map(|it| self.key.body.follows(it, &way.joints));
         for _ in 0..rounds {
             step *= 0.5;
             let before = way.along;
             way.along += step;
-            let poses = pair.map(|it| self.posed(it, &way.turned(rotations)));
-            if self.body.pair_crosses(pair, &poses) {
+            if self.crosses(way, follows, &mut poses) {
                 way.along = before;
             }
         }
-        debug_assert!(way.along >= free);
     }
 
-    fn posed(&self, group: usize, rotations: &[UnitQuaternion<f64>]) -> GroupPose {
-        let mut pose = GroupPose::default();
-        let transforms = self.body.world_from_rest(rotations, self.offsets);
-        self.body.pose_group(group, &transforms, &mut pose);
-        pose
+    fn crosses(&self, way: &Way<'_>, follows: [bool; 2], poses: &mut [GroupPose; 2]) -> bool {
+        self.pose(way, follows, poses);
+        self.key.body.pair_crosses(self.pair, poses)
+    }
+
+    /// Poses the groups that follow joints of the way.
+    fn pose(&self, way: &Way<'_>, follows: [bool; 2], poses: &mut [GroupPose; 2]) {
+        let turned = way.turned(self.rotations);
+        let transforms = self.key.body.world_from_rest(&turned, self.key.offsets);
+        for it in (0..2).filter(|&it| follows[it]) {
+            self.key.body.pose_group(self.pair[it], &transforms, &mut poses[it]);
+        }
     }
 }
 
