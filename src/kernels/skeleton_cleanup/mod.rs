@@ -7,16 +7,18 @@ mod connect;
 mod cycles;
 mod editor;
 mod junctions;
+mod merge_junctions;
 mod prune;
 mod pull_inside;
 mod strip_radii;
 #[cfg(test)]
 mod tests;
 
-pub use close_nodes::merge_close_nodes;
+pub use close_nodes::{merge_close_nodes, merge_crowded_nodes};
 pub use connect::{connect_components, drop_small_components};
-pub use cycles::collapse_cycles;
+pub use cycles::{collapse_cycles, collapse_short_cycles};
 pub use junctions::free_junctions;
+pub use merge_junctions::merge_junctions;
 pub use prune::{PruneOptions, prune};
 pub use pull_inside::pull_inside;
 pub use strip_radii::strip_radii;
