@@ -20,7 +20,7 @@ const NEAR: usize = 6;
 
 /// How far off each other's planes points of a sheet may lie, in spacings, beyond what the turn of the
 /// normals explains: more than noise, less than the gap between sheets.
-const THICK: f64 = 0.9;
+const THICK: f64 = 0.6;
 
 impl CloudSheets {
     /// Fits a plane to every point and its nearest neighbours, which count less the farther they are

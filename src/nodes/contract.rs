@@ -23,10 +23,10 @@ use crate::kernels::table::{Column, Table};
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Contract {
-    /// Take so many points instead of all: a mesh is decimated, a cloud thinned out evenly, each
-    /// point at the mean of those it stands for. What has fewer is taken as it is.
+    /// Of larger shapes so many points are taken: a mesh is decimated, a cloud thinned out evenly, each
+    /// point at the mean of those it stands for, which takes off the noise of scanners, too.
     #[schemars(range(min = 8))]
-    pub simplify_to: Option<usize>,
+    pub simplify_to: usize,
     /// Of clouds: how many of the nearest points make the surface around one.
     pub neighbors: NeighborRule,
     /// Of clouds: so many of the nearest points instead.
@@ -81,7 +81,7 @@ pub struct Contract {
     /// a node.
     #[schemars(range(min = 0.0, max = 1e9))]
     pub smoothness: f64,
-    /// Move nodes that are outside of a closed surface into it.
+    /// Move nodes that are outside of a closed surface into it, and bend edges that leave it.
     pub pull_inside: bool,
     /// Join the skeletons of parts where they are closest.
     pub connect: bool,
@@ -133,7 +133,7 @@ impl Default for Contract {
         let (options, finish) = (ContractOptions::default(), FinishOptions::default());
         let schedule = Schedule::of_meshes();
         Self {
-            simplify_to: None,
+            simplify_to: 6000,
             neighbors: NeighborRule::default(),
             n_neighbors: None,
             separate_sheets: options.separate_sheets,
@@ -188,7 +188,7 @@ impl Contract {
             NeighborRule::Cao => Neighbors { share: 0.012, least: 8, most: 30 },
         };
         let fixed = |count| Neighbors { share: 0.0, least: count, most: count };
-        let n_points = self.simplify_to.map_or(usize::MAX, |it| it).min(shape.n_vertices());
+        let n_points = self.simplify_to.min(shape.n_vertices());
         ContractOptions {
             neighbors: self.n_neighbors.map_or(rule, fixed),
             separate_sheets: self.separate_sheets,
@@ -253,7 +253,7 @@ curves = "@contract_cloud.curves"
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
         let shape = io.get(Self::MESH);
         let options = self.options(&shape);
-        let found = coarse_contraction(&shape, self.simplify_to.unwrap_or(usize::MAX), &options)?;
+        let found = coarse_contraction(&shape, self.simplify_to, &options)?;
         for note in notes(&found) {
             io.note(note);
         }

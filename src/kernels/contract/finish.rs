@@ -3,7 +3,7 @@
 use super::super::curve_skeleton::CurveSkeleton;
 use super::super::mesh::TriMesh;
 use super::super::skeleton_cleanup::{
-    PruneOptions, collapse_short_cycles, connect_components, prune, pull_inside, strip_radii,
+    PruneOptions, bend_inside, collapse_short_cycles, connect_components, prune, strip_radii,
 };
 use super::super::skeleton_placement::{PlacementError, PlacementOptions, place};
 use super::{ContractionSkeleton, with_radii};
@@ -16,7 +16,7 @@ pub struct FinishOptions {
     pub prune: PruneOptions,
     /// Nodes stay where they are without.
     pub placement: Option<PlacementOptions>,
-    /// Move nodes that are outside of a closed mesh into it.
+    /// Move nodes and edges that are outside of a closed mesh into it.
     pub pull_inside: bool,
     /// Join the skeletons of different parts.
     pub connect: bool,
@@ -54,9 +54,9 @@ pub fn finish(
     if let Some(placement) = &options.placement {
         skeleton = place(&skeleton, vertices, &found.normals, placement)?;
     }
-    if options.pull_inside {
-        skeleton = pull_inside(&skeleton, shape);
-    }
     skeleton = with_radii(&skeleton, vertices);
+    if options.pull_inside {
+        skeleton = bend_inside(&skeleton, shape);
+    }
     Ok(if options.connect { connect_components(&skeleton) } else { skeleton })
 }

@@ -99,7 +99,7 @@ fn a_fork_has_a_junction_and_three_leaves_also_with_noise_and_gaps() {
         let skeleton = skeleton_of(shape);
         assert_eq!(topology(&skeleton), [1, 3, 1, 0], "{name}");
         let junction = skeleton.positions()[skeleton.junctions()[0] as usize];
-        assert!(junction.norm() < 0.14, "{name}: {}", junction.norm());
+        assert!(junction.norm() < 0.18, "{name}: {}", junction.norm());
         assert!(fit_of(&skeleton, &mesh).inside == 1.0, "{name}");
     }
 }
@@ -114,8 +114,8 @@ fn a_torus_keeps_its_cycle() {
         let skeleton = skeleton_of(shape);
         assert_eq!(topology(&skeleton), [1, 0, 0, 1], "{name}");
         for node in skeleton.positions() {
-            let radius = node.x.hypot(node.y);
-            assert!((radius - 1.0).abs() < 0.1 && node.z.abs() < 0.1, "{name}: {node}");
+            let radius = node.x.hypot(node.z);
+            assert!((radius - 1.0).abs() < 0.1 && node.y.abs() < 0.1, "{name}: {node}");
         }
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! All steps keep the labels: a vertex follows its node into the one that takes its place.
 
+mod bend_inside;
 mod close_nodes;
 mod connect;
 mod cycles;
@@ -14,6 +15,7 @@ mod strip_radii;
 #[cfg(test)]
 mod tests;
 
+pub use bend_inside::bend_inside;
 pub use close_nodes::{merge_close_nodes, merge_crowded_nodes};
 pub use connect::{connect_components, drop_small_components};
 pub use cycles::{collapse_cycles, collapse_short_cycles};
