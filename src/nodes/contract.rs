@@ -74,8 +74,8 @@ pub struct Contract {
     /// Spurs shorter than so many radii of the shape at their junction are removed.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub prune_radii: f64,
-    /// Then move nodes to where the normals of their vertices meet: also where only one side of a limb
-    /// was seen. Nodes stay where they are without.
+    /// Move nodes to where the normals of their vertices meet, for shapes of which only one side was
+    /// seen. On others rings tell the middle better.
     pub place_by_normals: bool,
     /// With `place_by_normals`: the weight of the lengths of edges, in the mean number of vertices of
     /// a node.
@@ -151,8 +151,8 @@ impl Default for Contract {
             cycles: ContractedCycles::default(),
             prune_nodes: finish.prune.max_nodes,
             prune_radii: finish.prune.max_radii,
-            place_by_normals: finish.placement.is_some(),
-            smoothness: finish.placement.map_or(0.0, |it| it.lambda_s),
+            place_by_normals: false,
+            smoothness: 0.2,
             pull_inside: finish.pull_inside,
             connect: finish.connect,
             min_part: 0.01,
@@ -205,7 +205,8 @@ impl Contract {
         let default = FinishOptions::default();
         let placement = PlacementOptions {
             lambda_s: self.smoothness,
-            ..default.placement.clone().unwrap_or_default()
+            is_relative: true,
+            ..Default::default()
         };
         FinishOptions {
             max_cycle_nodes: match self.cycles {

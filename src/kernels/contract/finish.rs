@@ -14,7 +14,8 @@ pub struct FinishOptions {
     /// Cycles of at most so many nodes become one node (Cao et al. 2010).
     pub max_cycle_nodes: usize,
     pub prune: PruneOptions,
-    /// Nodes stay where they are without.
+    /// Move nodes to where the normals of their vertices meet: for shapes of which one side was seen.
+    /// On whole ones, whose rings tell the middle, nodes of wide parts would pass each other.
     pub placement: Option<PlacementOptions>,
     /// Move nodes and edges that are outside of a closed mesh into it.
     pub pull_inside: bool,
@@ -27,18 +28,14 @@ impl Default for FinishOptions {
         Self {
             max_cycle_nodes: 6,
             prune: PruneOptions { max_nodes: 0, max_radii: 1.2 },
-            placement: Some(PlacementOptions {
-                lambda_s: 0.02,
-                is_relative: true,
-                ..Default::default()
-            }),
+            placement: None,
             pull_inside: true,
             connect: false,
         }
     }
 }
 
-/// Removes false cycles and spurs, and moves nodes to where the normals of their vertices meet.
+/// Removes false cycles and spurs, and brings what is outside of the shape back into it.
 ///
 /// # Errors
 /// See [`PlacementError`].

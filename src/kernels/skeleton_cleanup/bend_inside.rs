@@ -15,8 +15,7 @@ const ROUNDS: usize = 3;
 const PLACES: usize = 8;
 
 /// Moves nodes into a closed mesh as [`pull_inside`] does, and bends the edges that leave it: each gets
-/// a node, without vertices, where it is farthest outside, which is moved into the mesh, too; up to
-/// three times. Of open or inside-out surfaces only nodes are moved, if at all.
+/// a node, without vertices, beside where it is farthest outside; up to three times. Of open or inside-out surfaces only nodes are moved, if at all.
 pub fn bend_inside(skeleton: &CurveSkeleton, mesh: &TriMesh) -> CurveSkeleton {
     let mut bent = pull_inside(skeleton, mesh);
     if !is_nearly_closed(mesh) || signed_volume(mesh) <= 0.0 {
@@ -29,18 +28,25 @@ pub fn bend_inside(skeleton: &CurveSkeleton, mesh: &TriMesh) -> CurveSkeleton {
         if found.iter().all(Option::is_none) {
             break;
         }
-        bent = pull_inside(&with_nodes(&bent, &found), mesh);
+        bent = with_nodes(&bent, &found);
     }
     bent
 }
 
-/// Where an edge is farthest outside.
+/// Where an edge is farthest outside, moved into the shape: by half of how thick it is there, and by
+/// half the radius around the edge at most. Across a trunk the middle would be far away.
 fn worst_place(skeleton: &CurveSkeleton, edge: usize, field: &DistanceField) -> Option<Vec3> {
-    let [from, to] = skeleton.edges()[edge].map(|it| skeleton.positions()[it as usize]);
+    let ends = skeleton.edges()[edge].map(|it| it as usize);
+    let [from, to] = ends.map(|it| skeleton.positions()[it]);
     let places = (1..=PLACES).map(|it| from + (to - from) * (it as f64 / (PLACES + 1) as f64));
     let outside = places.filter(|it| !field.is_inside(*it));
-    let far = outside.map(|it| (field.nearest(it).square, it));
-    far.max_by(|a, b| a.0.total_cmp(&b.0)).map(|it| it.1)
+    let far = outside.map(|it| (field.nearest(it), it));
+    let (nearest, place) = far.max_by(|a, b| a.0.square.total_cmp(&b.0.square))?;
+    let inward = (nearest.point - place).try_normalize(0.0)?;
+    let reach = 0.25 * ends.iter().map(|&it| skeleton.radii()[it]).sum::<f64>();
+    let range = [1e-3 * reach, 2.0 * reach];
+    let behind = field.tree().first_hit(nearest.point, inward, range);
+    Some(nearest.point + inward * behind.map_or(reach, |it| 0.5 * it.along))
 }
 
 /// With a new node in the edges that have a place for it.
