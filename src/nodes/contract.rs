@@ -203,11 +203,8 @@ impl Contract {
 
     fn finish_options(&self) -> FinishOptions {
         let default = FinishOptions::default();
-        let placement = PlacementOptions {
-            lambda_s: self.smoothness,
-            is_relative: true,
-            ..Default::default()
-        };
+        let placement =
+            PlacementOptions { lambda_s: self.smoothness, is_relative: true, ..Default::default() };
         FinishOptions {
             max_cycle_nodes: match self.cycles {
                 ContractedCycles::Short => default.max_cycle_nodes,

@@ -77,7 +77,8 @@ impl Scan {
     const WEIGHTS: OptionalInput<SkinWeights> = OptionalInput::new("weights", "its skin weights");
     const LANDMARKS: OptionalInput<Landmarks> = OptionalInput::new("landmarks", "its landmarks");
     const CLOUD: Output<TriMesh> = Output::new("mesh", "the points of all stations");
-    const STATIONS: Output<Table> = Output::new("stations", "one row a station: place, error, points");
+    const STATIONS: Output<Table> =
+        Output::new("stations", "one row a station: place, error, points");
     const NEW_WEIGHTS: OptionalOutput<SkinWeights> =
         OptionalOutput::new("weights", "the skin weights of the points");
     const NEW_LANDMARKS: OptionalOutput<Landmarks> =

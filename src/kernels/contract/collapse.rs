@@ -96,11 +96,7 @@ struct Graph<'a> {
 }
 
 impl<'a> Graph<'a> {
-    fn new(
-        positions: &[Vec3],
-        triangles: &[[u32; 3]],
-        options: &'a CollapseOptions,
-    ) -> Self {
+    fn new(positions: &[Vec3], triangles: &[[u32; 3]], options: &'a CollapseOptions) -> Self {
         let n_points = positions.len();
         let mut res = Self {
             positions: positions.iter().map(|it| it - positions[0]).collect(),
@@ -130,7 +126,8 @@ impl<'a> Graph<'a> {
     /// Squared distances from the lines of a point's edges.
     fn quadric(&self, point: usize) -> Matrix4<f64> {
         let place = self.positions[point];
-        let directions = self.neighbors[point].iter().map(|&it| self.positions[it as usize] - place);
+        let directions =
+            self.neighbors[point].iter().map(|&it| self.positions[it as usize] - place);
         // With `M = 1 - a a^T` that is `(p - v)^T M (p - v)`, since `[a]^T [a] = M`.
         let mut sum = Matrix4::zeros();
         for direction in directions.filter_map(|it| it.try_normalize(0.0)) {
@@ -164,7 +161,8 @@ impl<'a> Graph<'a> {
             self.options.shape * shape + self.options.sampling * length(to) * total
         };
         let edges = neighbors.iter().copied().filter(|&it| has_triangle(it));
-        let best = edges.map(|to| (cost(to), to)).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let best =
+            edges.map(|to| (cost(to), to)).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let version = self.versions[from as usize];
         best.map(|(cost, to)| Candidate { cost, from, to, version })
     }

@@ -124,7 +124,9 @@ fn bounds(positions: &[Vec3]) -> (Vec3, Vec3) {
 fn mean_size(sizes: &[f64], kind: RingSize) -> f64 {
     let total: f64 = match kind {
         // Areas add up; the root of the mean is a length.
-        RingSize::Area => return (sizes.iter().map(|it| it * it).sum::<f64>() / sizes.len() as f64).sqrt(),
+        RingSize::Area => {
+            return (sizes.iter().map(|it| it * it).sum::<f64>() / sizes.len() as f64).sqrt();
+        }
         RingSize::ShortestEdge => sizes.iter().sum(),
     };
     total / sizes.len() as f64

@@ -80,7 +80,8 @@ impl<'a> Equations<'a> {
             let range = self.rings.offsets[point]..self.rings.offsets[point + 1];
             let (ring, own) = (&self.rings.neighbors[range.clone()], &weights[range]);
             let entries = ring.iter().zip(own);
-            let delta: Vec3 = entries.clone().map(|(&it, w)| (positions[it as usize] - position) * *w).sum();
+            let delta: Vec3 =
+                entries.clone().map(|(&it, w)| (positions[it as usize] - position) * *w).sum();
             let total: f64 = own.iter().sum();
             for axis in 0..3 {
                 right[(point, axis)] += total * delta[axis];

@@ -161,7 +161,14 @@ pub fn contraction_skeleton(
     });
     let found: Vec<Part> = parts
         .par_iter()
-        .map(|it| Part::new(&surface.rings.part(it), &positions_of(&places.positions, it), &schedule, options))
+        .map(|it| {
+            Part::new(
+                &surface.rings.part(it),
+                &positions_of(&places.positions, it),
+                &schedule,
+                options,
+            )
+        })
         .collect();
     Ok(joined(&places, &surface, &parts, found))
 }
@@ -202,7 +209,12 @@ struct Part {
 }
 
 impl Part {
-    fn new(rings: &Rings, positions: &[Vec3], schedule: &Schedule, options: &ContractOptions) -> Self {
+    fn new(
+        rings: &Rings,
+        positions: &[Vec3],
+        schedule: &Schedule,
+        options: &ContractOptions,
+    ) -> Self {
         let contraction = contract(rings, positions, schedule);
         let triangles = rings.all_triangles();
         let graph = collapse(&contraction.positions, &triangles, &options.collapse);

@@ -52,11 +52,7 @@ impl Schedule {
 
     /// Of Cao et al. for clouds.
     pub fn of_clouds() -> Self {
-        Self {
-            first_weight: 0.2,
-            ring_size: RingSize::ShortestEdge,
-            ..Self::of_meshes()
-        }
+        Self { first_weight: 0.2, ring_size: RingSize::ShortestEdge, ..Self::of_meshes() }
     }
 }
 
@@ -69,9 +65,12 @@ const LEAST_SIZE: f64 = 1e-12;
 /// The size of the ring of every point.
 pub fn ring_sizes(rings: &Rings, positions: &[Vec3], kind: RingSize) -> Vec<f64> {
     let size = |point: usize| match kind {
-        RingSize::Area => rings.star(point).iter().map(|it| area(positions, it)).sum::<f64>().sqrt(),
+        RingSize::Area => {
+            rings.star(point).iter().map(|it| area(positions, it)).sum::<f64>().sqrt()
+        }
         RingSize::ShortestEdge => {
-            let lengths = rings.ring(point).iter().map(|&it| positions[it as usize] - positions[point]);
+            let lengths =
+                rings.ring(point).iter().map(|&it| positions[it as usize] - positions[point]);
             lengths.map(|it| it.norm()).fold(f64::INFINITY, f64::min)
         }
     };
@@ -154,7 +153,8 @@ mod tests {
             let sum: Vec3 = arms.zip(&weights[own]).map(|(arm, weight)| arm * *weight).sum();
             assert!(sum.normalize().dot(place) < -0.99);
         }
-        let flat: Vec<Vec3> = ball.vertices().iter().map(|it| it.component_mul(&Vec3::x())).collect();
+        let flat: Vec<Vec3> =
+            ball.vertices().iter().map(|it| it.component_mul(&Vec3::x())).collect();
         let weights = cotangent_rows(&rings, &flat, edge);
         assert!(weights.iter().all(|it| it.abs() < 1e3));
     }

@@ -148,7 +148,8 @@ fn fingers_stay_apart() {
 
 #[test]
 fn parts_have_skeletons_of_their_own_and_open_tubes_paths() {
-    let two = union(&torus(1.0, 0.25, 60, 20), &moved(&tube(0.2, 3.0, 20, 60, 1.0), Vec3::z() * 3.0));
+    let two =
+        union(&torus(1.0, 0.25, 60, 20), &moved(&tube(0.2, 3.0, 20, 60, 1.0), Vec3::z() * 3.0));
     let skeleton = skeleton_of(&two);
     assert_eq!(topology(&skeleton), [2, 2, 0, 1]);
     let half = tube(0.2, 3.0, 24, 60, 0.5);
@@ -161,7 +162,8 @@ fn parts_have_skeletons_of_their_own_and_open_tubes_paths() {
 fn a_ball_is_a_node_or_a_short_curve() {
     let skeleton = skeleton_of(&icosphere(4));
     assert_eq!(topology(&skeleton)[2..], [0, 0]);
-    assert!(skeleton.total_length() < 0.8, "{}", skeleton.total_length());
+    // Two halves have their means half a radius off the middle.
+    assert!(skeleton.total_length() < 1.1, "{}", skeleton.total_length());
 }
 
 #[test]
@@ -194,7 +196,8 @@ fn place_and_scale_do_not_matter() {
 fn duplicates_count_once_and_too_few_points_are_refused() {
     let cloud = cloud_of(&body(&stick(), 0.06), 600);
     let twice = [cloud.vertices(), &cloud.vertices()[..50]].concat();
-    let found = contraction_skeleton(&TriMesh::from_points(twice).unwrap(), &ContractOptions::default());
+    let found =
+        contraction_skeleton(&TriMesh::from_points(twice).unwrap(), &ContractOptions::default());
     let found = found.unwrap();
     assert_eq!(found.n_duplicates, 50);
     let labels = found.skeleton.node_of_vertex();
@@ -204,7 +207,10 @@ fn duplicates_count_once_and_too_few_points_are_refused() {
         contraction_skeleton(&shape, &ContractOptions::default()).unwrap_err().to_string()
     };
     let few = cloud.vertices()[..7].to_vec();
-    assert_eq!(error([&few[..], &few[..]].concat()), "the 14 points are at 7 places; a skeleton needs 8");
+    assert_eq!(
+        error([&few[..], &few[..]].concat()),
+        "the 14 points are at 7 places; a skeleton needs 8"
+    );
     let line: Vec<Vec3> = (0..20).map(|it| Vec3::x() * f64::from(it)).collect();
     assert!(error(line).starts_with("no part has the 8 points that a skeleton needs"));
 }

@@ -35,7 +35,8 @@ pub fn visible_faces(mesh: &TriMesh, directions: &[Vec3]) -> Result<Vec<bool>, D
 fn shows(portrait: &Portrait, face: [u32; 3]) -> bool {
     let corners = face.map(|it| portrait.vertices[it as usize]);
     let middle = corners.iter().sum::<Vec3>() / 3.0;
-    let pixel = portrait.camera.project(&middle).map(|it| (it.round() as usize).min(RESOLUTION - 1));
+    let pixel =
+        portrait.camera.project(&middle).map(|it| (it.round() as usize).min(RESOLUTION - 1));
     let depth = portrait.depth(pixel);
     let depths = corners.map(|it| it.z);
     let slope = depths.iter().fold(0.0f64, |most, it| most.max((it - middle.z).abs()));

@@ -115,7 +115,8 @@ pub fn scan(mesh: &TriMesh, options: &ScanOptions) -> Result<Scan, ScanError> {
         let n_points = shots.len();
         for Shot { place, measured, corners, shares } in shots {
             let row = places.len() as u32;
-            triplets.extend((0..3).map(|it| (row, corners[it], shares[it])).filter(|it| it.2 > 0.0));
+            triplets
+                .extend((0..3).map(|it| (row, corners[it], shares[it])).filter(|it| it.2 > 0.0));
             true_places.push(place);
             places.push((error * nalgebra::Point3::from(measured)).coords);
             station_of_point.push(station as u32);

@@ -21,7 +21,10 @@ fn without_errors_points_lie_on_the_surface_all_around() {
     let made = scan(&sphere, &exact()).unwrap();
     let tree = TriangleTree::new(&sphere);
     assert_eq!(made.stations.len(), 6);
-    assert_eq!(made.stations.iter().map(|it| it.n_points).sum::<usize>(), made.station_of_point.len());
+    assert_eq!(
+        made.stations.iter().map(|it| it.n_points).sum::<usize>(),
+        made.station_of_point.len()
+    );
     for (point, &station) in made.cloud.mesh.vertices().iter().zip(&made.station_of_point) {
         assert!(tree.nearest(*point).square.sqrt() < 1e-9);
         // A point of a sphere is seen from its own side only.
@@ -42,7 +45,8 @@ fn without_errors_points_lie_on_the_surface_all_around() {
 #[test]
 fn what_is_hidden_is_not_scanned() {
     let body = icosphere(3);
-    let small = TriMesh::new(body.vertices().iter().map(|it| it * 0.3).collect(), body.faces().to_vec());
+    let small =
+        TriMesh::new(body.vertices().iter().map(|it| it * 0.3).collect(), body.faces().to_vec());
     let nested = union(&body, &small.unwrap());
     let made = scan(&nested, &exact()).unwrap();
     assert!(made.cloud.mesh.vertices().iter().all(|it| it.norm() > 0.9));
@@ -58,7 +62,13 @@ fn noise_and_registration_are_as_large_as_asked() {
     let squares: Vec<f64> = off.map(|(a, b)| (a - b).norm_squared()).collect();
     let deviation = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt() / diagonal;
     assert!((deviation / 0.004 - 1.0).abs() < 0.05, "{deviation}");
-    let loose = ScanOptions { turn_deg: 2.0, shift: 0.01, n_stations: 40, points_per_station: 50, ..exact() };
+    let loose = ScanOptions {
+        turn_deg: 2.0,
+        shift: 0.01,
+        n_stations: 40,
+        points_per_station: 50,
+        ..exact()
+    };
     let made = scan(&sphere, &loose).unwrap();
     let angles = made.stations.iter().map(|it| it.error.rotation.angle().to_degrees().powi(2));
     let deviation = (angles.sum::<f64>() / 40.0 / 3.0).sqrt();

@@ -74,9 +74,9 @@ mod tests {
 
     #[test]
     fn a_chord_of_a_ring_is_bent_into_it() {
-        let mesh = torus(1.0, 0.3, 96, 48);
+        let mesh = torus(1.0, 0.2, 96, 48);
         let ends = vec![Vec3::x(), Vec3::z()];
-        let skeleton = CurveSkeleton::new(ends, vec![0.3; 2], vec![[0, 1]], vec![]).unwrap();
+        let skeleton = CurveSkeleton::new(ends, vec![0.2; 2], vec![[0, 1]], vec![]).unwrap();
         let bent = bend_inside(&skeleton, &mesh);
         assert!(bent.n_nodes() > 2 && bent.leaves() == [0, 1] && bent.junctions().is_empty());
         let field = DistanceField::new(&mesh);

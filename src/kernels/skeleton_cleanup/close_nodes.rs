@@ -32,11 +32,7 @@ fn merge_by(skeleton: &CurveSkeleton, limit: f64, unit: &dyn Fn(f64) -> f64) -> 
     editor.finish()
 }
 
-fn closest_pair(
-    editor: &Editor,
-    limit: f64,
-    unit: &dyn Fn(f64) -> f64,
-) -> Option<(f64, [u32; 2])> {
+fn closest_pair(editor: &Editor, limit: f64, unit: &dyn Fn(f64) -> f64) -> Option<(f64, [u32; 2])> {
     let length = |from: u32, to: u32| {
         let mean = 0.5 * (unit(editor.radius(from)) + unit(editor.radius(to)));
         editor.length(from, to) / mean.max(f64::MIN_POSITIVE)

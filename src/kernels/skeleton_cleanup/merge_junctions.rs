@@ -48,9 +48,8 @@ fn better_place(
         let place = editor.positions[at as usize];
         let all = members.iter().flat_map(|it| it.iter());
         let distances = all.map(|&it| (vertices[it as usize] - place).norm());
-        let (n, sum, squares) = distances.fold((0.0, 0.0, 0.0), |(n, sum, squares), it| {
-            (n + 1.0, sum + it, squares + it * it)
-        });
+        let (n, sum, squares) = distances
+            .fold((0.0, 0.0, 0.0), |(n, sum, squares), it| (n + 1.0, sum + it, squares + it * it));
         if n == 0.0 { 0.0 } else { (squares / n - (sum / n) * (sum / n)).max(0.0).sqrt() }
     };
     let own = deviation(node, &[&groups[node as usize]]);

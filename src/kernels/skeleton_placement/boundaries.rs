@@ -52,13 +52,24 @@ fn ring_middles(
 ) -> Vec<([u32; 2], Vec3)> {
     let labels = skeleton.node_of_vertex();
     let label = |vertex: u32| labels[vertex as usize];
+    let neighbors = skeleton.neighbors();
+    // A region may reach past its neighbour's to the next: the ring is with the neighbour.
+    let across = |own: u32, other: u32| {
+        let around = &neighbors[own as usize];
+        let is_joined = |it: u32| it == other || neighbors[it as usize].contains(&other);
+        around
+            .iter()
+            .copied()
+            .find(|&it| it == other)
+            .or(around.iter().copied().find(|&it| is_joined(it)))
+    };
     // The nodes beside every vertex.
     let mut beside: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     for &[a, b] in edges {
         let (one, other) = (label(a), label(b));
         if one != other && one != NO_NODE && other != NO_NODE {
-            beside.entry(a).or_default().push(other);
-            beside.entry(b).or_default().push(one);
+            beside.entry(a).or_default().extend(across(one, other));
+            beside.entry(b).or_default().extend(across(other, one));
         }
     }
     for list in beside.values_mut() {
@@ -89,12 +100,8 @@ fn ring_middles(
         sum.2 += place;
         sum.3 += 1.0;
     }
-    let joined = |it: &[u32; 2]| {
-        skeleton.edges().binary_search(&[it[0].min(it[1]), it[0].max(it[1])]).is_ok()
-    };
-    let sums = sums.into_iter().filter(|it| joined(&it.0));
     let middle = |(pair, (by_length, length, plain, count)): ([u32; 2], (Vec3, f64, Vec3, f64))| {
         (pair, if length > 0.0 { by_length / length } else { plain / count })
     };
-    sums.map(middle).collect()
+    sums.into_iter().map(middle).collect()
 }
