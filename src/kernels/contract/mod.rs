@@ -18,7 +18,7 @@ use super::curve_skeleton::{CurveSkeleton, NO_NODE};
 use super::delaunay_stars::{StarOptions, delaunay_stars};
 use super::local_separators::median_distance;
 use super::mesh::{TriMesh, Vec3};
-use super::skeleton_cleanup::{merge_crowded_nodes, merge_junctions};
+use super::skeleton_cleanup::{drop_slight_leaves, merge_crowded_nodes, merge_junctions};
 use super::skeleton_placement::place_by_boundaries;
 
 pub use coarse::{CoarseContractionError, coarse_contraction};
@@ -202,6 +202,9 @@ fn positions_of(all: &[Vec3], chosen: &[u32]) -> Vec<Vec3> {
     chosen.iter().map(|&it| all[it as usize]).collect()
 }
 
+/// Ends of curves with less than this part of the points of the next node are no ends.
+const SLIGHT: f64 = 0.5;
+
 /// A connected part and its skeleton.
 struct Part {
     skeleton: CurveSkeleton,
@@ -224,6 +227,7 @@ impl Part {
         }
         skeleton = merge_crowded_nodes(&with_radii(&skeleton, positions), options.spacing);
         skeleton = by_nearest_nodes(&skeleton, &contraction.positions);
+        skeleton = drop_slight_leaves(&skeleton, SLIGHT);
         if options.recenter {
             skeleton = place_by_boundaries(&skeleton, positions, &edges_of(&triangles));
         }

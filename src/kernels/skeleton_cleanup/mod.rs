@@ -11,6 +11,7 @@ mod junctions;
 mod merge_junctions;
 mod prune;
 mod pull_inside;
+mod slight_leaves;
 mod strip_radii;
 #[cfg(test)]
 mod tests;
@@ -23,4 +24,5 @@ pub use junctions::free_junctions;
 pub use merge_junctions::merge_junctions;
 pub use prune::{PruneOptions, prune};
 pub use pull_inside::pull_inside;
+pub use slight_leaves::drop_slight_leaves;
 pub use strip_radii::strip_radii;
