@@ -18,7 +18,7 @@ fn slight_leaf(editor: &Editor, share: f64) -> Option<(u32, u32)> {
     let leaves = editor.alive().filter(|&it| editor.degree(it) == 1);
     let pairs = leaves.filter_map(|it| Some((it, *editor.neighbors[it as usize].first()?)));
     let count = |it: u32| editor.n_vertices(it) as f64;
-    let mut slight = pairs
-        .filter(|&(leaf, next)| editor.degree(next) == 2 && count(leaf) < share * count(next));
+    let mut slight =
+        pairs.filter(|&(leaf, next)| editor.degree(next) == 2 && count(leaf) < share * count(next));
     slight.next()
 }
