@@ -7,6 +7,7 @@ mod check;
 mod clean;
 mod command;
 mod compare_regressors;
+mod contract;
 mod correspondences;
 mod decimate;
 mod deformation_error;
@@ -51,10 +52,12 @@ mod resolve_penetration;
 mod retarget;
 mod rig;
 mod rooted_skeleton;
+mod scan;
 mod segment;
 mod segment_map;
 mod segments_by_name;
 mod simplify_skeleton;
+mod skeleton_error;
 mod skeleton_texture;
 mod skeletonize;
 mod skeletonize_kmeans;
@@ -81,6 +84,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<clean::Clean>(),
     NodeKind::open::<command::Command>(),
     NodeKind::of::<compare_regressors::CompareRegressors>(),
+    NodeKind::of::<contract::Contract>(),
     NodeKind::of::<correspondences::CorrespondencesNode>(),
     NodeKind::of::<decimate::Decimate>(),
     NodeKind::of::<deformation_error::DeformationErrorNode>(),
@@ -125,10 +129,12 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<retarget::RetargetNode>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<rooted_skeleton::RootedSkeleton>(),
+    NodeKind::of::<scan::Scan>(),
     NodeKind::of::<segment::Segment>(),
     NodeKind::of::<segment_map::SegmentMapNode>(),
     NodeKind::of::<segments_by_name::SegmentsByName>(),
     NodeKind::of::<simplify_skeleton::SimplifySkeleton>(),
+    NodeKind::of::<skeleton_error::SkeletonError>(),
     NodeKind::of::<skeleton_texture::SkeletonTextureNode>(),
     NodeKind::of::<skeletonize::Skeletonize>(),
     NodeKind::of::<skeletonize_kmeans::SkeletonizeKmeans>(),
