@@ -61,6 +61,7 @@ pub mod map_quality;
 pub mod matrix_image;
 pub mod mesh;
 pub mod mesh_sequence;
+pub mod motion_error;
 pub mod motion_skeleton;
 pub mod nearest;
 pub mod neighbour_means;

@@ -30,6 +30,8 @@ mod load_motion;
 mod load_skeleton;
 mod make_body;
 mod map_quality;
+mod motion_error;
+mod motion_skeleton;
 mod normalize;
 mod nrr;
 mod pick_frame;
@@ -91,6 +93,8 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<load_skeleton::LoadSkeleton>(),
     NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<map_quality::MapQuality>(),
+    NodeKind::of::<motion_error::MotionErrorNode>(),
+    NodeKind::of::<motion_skeleton::MotionSkeletonNode>(),
     NodeKind::of::<normalize::Normalize>(),
     NodeKind::of::<nrr::Nrr>(),
     NodeKind::of::<pick_frame::PickFrame>(),

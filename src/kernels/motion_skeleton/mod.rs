@@ -17,6 +17,7 @@ use super::curve_skeleton::CurveSkeleton;
 use super::kabsch::shortest_arc;
 use super::mesh::Vec3;
 use super::skeleton::{Skeleton, SkeletonError};
+use super::skeleton_cleanup::{PruneOptions, prune};
 use super::ssdr::{Ssdr, SsdrError, SsdrOptions, ssdr};
 use super::weights::SkinWeights;
 
@@ -50,6 +51,8 @@ pub struct MotionSkeletonOptions {
     pub rounds: usize,
     /// Bones with less error than this share of the bounding box's diagonal are rigid.
     pub least_error: f64,
+    /// Ends of curves shorter than this share of the bounding box's diagonal are no limbs.
+    pub least_limb: f64,
     /// The length of a link between components may change by less than this factor over time.
     pub max_variation: f64,
     pub joints: JointMotion,
@@ -65,6 +68,7 @@ impl Default for MotionSkeletonOptions {
             max_bones: 30,
             rounds: 3,
             least_error: 1e-7,
+            least_limb: 0.04,
             max_variation: 4.0,
             joints: JointMotion::default(),
             ssdr: SsdrOptions {
@@ -137,8 +141,8 @@ pub fn motion_skeleton(
     let moving = Moving::new(rest, frames);
     let curve_skeleton = without_cycles(curve_skeleton);
     let (joined, n_links) = connect_over_time(&curve_skeleton, &moving, options.max_variation);
-    let labels = full_labels(&joined, rest);
-    let skeleton = relabelled(&joined, labels);
+    let limbs = without_spurs(&joined, options.least_limb * moving.diagonal);
+    let skeleton = relabelled(&limbs, full_labels(&limbs, rest));
     let moments: Vec<Moments> =
         skeleton.vertices_of_nodes().iter().map(|it| Moments::of(&moving, it)).collect();
     let mut bones = Bones::new(skeleton.n_nodes(), curves(&skeleton));
@@ -193,8 +197,10 @@ fn check(
         let n_points = frames[frame].len();
         return Err(SsdrError::Count { frame, n_points, n_vertices }.into());
     }
-    let MotionSkeletonOptions { threshold, least_error, max_variation, .. } = *options;
-    for (name, value) in [("threshold", threshold), ("least_error", least_error)] {
+    let MotionSkeletonOptions { threshold, least_error, least_limb, max_variation, .. } = *options;
+    for (name, value) in
+        [("threshold", threshold), ("least_error", least_error), ("least_limb", least_limb)]
+    {
         if !(value >= 0.0 && value.is_finite()) {
             return Err(MotionSkeletonError::Option { name, value, wanted: "a number from 0" });
         }
@@ -244,6 +250,12 @@ impl<'a> Moving<'a> {
     fn place(&self, frame: usize, vertex: u32) -> Vec3 {
         self.frames[frame][vertex as usize] - self.centers[frame]
     }
+}
+
+/// Removes ends of curves that are shorter than a length; their vertices go to the junction.
+fn without_spurs(skeleton: &CurveSkeleton, least: f64) -> CurveSkeleton {
+    let units = vec![1.0; skeleton.n_nodes()];
+    prune(skeleton, &units, &PruneOptions { max_nodes: 0, max_radii: least })
 }
 
 fn relabelled(skeleton: &CurveSkeleton, labels: Vec<u32>) -> CurveSkeleton {
