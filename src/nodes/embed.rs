@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::embed::{EmbedOptions, Embedding, GiveUp, TERM_NAMES, embed};
+use crate::kernels::embed::{EmbedOptions, Embedding, GiveUp, TERM_NAMES, Terms, embed};
 use crate::kernels::mesh::TriMesh;
 use crate::kernels::skeleton::Skeleton;
 use crate::kernels::table::{Column, Table};
@@ -161,7 +161,7 @@ fn joints_table(skeleton: &Skeleton, res: &Embedding) -> Table {
         Column::numbers("matched", "", matched),
     ];
     // Joints within chains have no penalties of their own.
-    let values = |of: &dyn Fn(&[f64; 9]) -> f64| {
+    let values = |of: &dyn Fn(&Terms) -> f64| {
         res.joints.iter().map(|it| it.terms.as_ref().map_or(f64::NAN, of)).collect()
     };
     columns.push(Column::numbers("penalty", "", values(&|it| it.iter().sum())));

@@ -55,6 +55,8 @@ pub struct EmbedOptions {
     pub source_center: Option<Vec3>,
     /// … and this is how much that matters; 0 for not at all.
     pub place: f64,
+    /// … and directions over less than this length matter less (bodies are 0.9 large).
+    pub short: f64,
     /// What is given up when a joint finds no place.
     pub give_up: GiveUp,
     /// Turns the skeleton before anything else.
@@ -81,6 +83,7 @@ impl Default for EmbedOptions {
             source_extent: None,
             source_center: None,
             place: 1.0,
+            short: 0.1,
             give_up: GiveUp::default(),
             rotation: UnitQuaternion::identity(),
             align: false,
@@ -354,6 +357,7 @@ fn match_joints(
             .center
             .filter(|_| options.place > 0.0)
             .map(|it| (options.place, Vec3::repeat(0.5) - rotation * it)),
+        short: options.short,
     };
     let is_fat = source.is_named(working, reduced, &options.fat);
     let candidates: Vec<Vec<usize>> =
@@ -416,8 +420,8 @@ fn attempt(
         let reduced = Reduced::new(&working);
         let (matching, terms) =
             match_joints(target, source, &working, &reduced, &rotation, max_steps);
-        let n_matched = matching.balls.len();
-        if n_matched == reduced.n() || n_matched == 0 {
+        let lost = matching.lost.filter(|_| working.n() > 1);
+        let Some(lost) = lost else {
             return Attempt {
                 working,
                 reduced,
@@ -427,8 +431,8 @@ fn attempt(
                 n_all,
                 n_searches,
             };
-        }
-        let lost = reduced.joints[n_matched];
+        };
+        let lost = reduced.joints[lost];
         working = match source.options.give_up {
             GiveUp::Branch => working.without(lost),
             GiveUp::Joint => working.without_only(lost),

@@ -58,6 +58,7 @@ pub struct Problem<'a> {
     /// How much places matter, and what leads from the skeleton to the target if their bodies stand in
     /// the same place.
     pub places: Option<(f64, Vec3)>,
+    pub short: f64,
 }
 
 /// Joints matched so far: the first ones, with the balls they are matched to.
@@ -86,10 +87,11 @@ impl Problem<'_> {
         let wanted = direction(self.reduced.positions[parent], self.reduced.positions[joint]);
         let found = direction(a.center, b.center);
         let dot = wanted.dot(&found);
-        if dot < 0.0 {
+        let share = self.directed(chain.length);
+        if dot < 0.0 && share == 1.0 {
             return None;
         }
-        terms[DIRECTION] = 0.5 * ((4.0 * (1.0 - dot)).powi(2) - 0.1).max(0.0);
+        terms[DIRECTION] = share * 0.5 * ((4.0 * (1.0 - dot)).powi(2) - 0.1).max(0.0);
         if parent_ball == ball {
             terms[ZERO_CHAIN] = 1.0;
         }
@@ -139,7 +141,19 @@ impl Problem<'_> {
         let wanted = direction(self.reduced.positions[sibling], self.reduced.positions[joint]);
         let found = direction(center(matched.balls[sibling]), center(ball));
         let dot = wanted.dot(&found);
-        (dot >= -0.5).then(|| 0.5 * ((2.0 * (1.0 - dot)).powi(2) - 0.5).max(0.0))
+        let places = [sibling, joint].map(|it| self.reduced.positions[it]);
+        let share = self.directed((places[1] - places[0]).norm());
+        let is_possible = dot >= -0.5 || share < 1.0;
+        is_possible.then(|| share * 0.5 * ((2.0 * (1.0 - dot)).powi(2) - 0.5).max(0.0))
+    }
+
+    /// How much a direction over some length says. Where joints have places, short ones say little: the
+    /// skeleton of a surface seen from one side lies beside the middle of the body.
+    fn directed(&self, length: f64) -> f64 {
+        match self.places {
+            Some(_) => (length / self.short).min(1.0),
+            None => 1.0,
+        }
     }
 
     /// Compares the chains of two joints that mirror each other, along the body and straight.
@@ -242,8 +256,20 @@ impl Problem<'_> {
     }
 
     /// The balls that a joint may be matched to: for a leaf, those at the ends of the body; for a
-    /// joint that is wanted in the thick of the body, the largest.
+    /// joint that is wanted in the thick of the body, the largest. Where joints have places, those that
+    /// are nearest.
     pub fn candidates(&self, joint: usize, is_fat: bool) -> Vec<usize> {
+        let mut balls = self.all_candidates(joint, is_fat);
+        if self.places.is_some() && balls.len() > N_NEAR {
+            let off = |it: &usize| self.displacement(joint, *it);
+            balls.sort_by(|a, b| off(a).total_cmp(&off(b)).then(a.cmp(b)));
+            balls.truncate(N_NEAR);
+            balls.sort_unstable();
+        }
+        balls
+    }
+
+    fn all_candidates(&self, joint: usize, is_fat: bool) -> Vec<usize> {
         let n = self.graph.n();
         if is_fat {
             return (0..n.min(N_FAT)).collect();
@@ -269,6 +295,9 @@ impl Problem<'_> {
         })
     }
 }
+
+/// How many balls near its place a joint may be matched to.
+const N_NEAR: usize = 250;
 
 /// How many of the largest balls a joint in the thick of the body may be matched to.
 const N_FAT: usize = 50;
