@@ -26,6 +26,16 @@ impl Clip {
         if self.n_joints == 0 { 0 } else { self.rotations.len() / self.n_joints }
     }
 
+    /// The same motion of joints whose rest pose is turned, in a world that is turned with it.
+    pub fn turned(&self, rotation: &UnitQuaternion<f64>) -> Self {
+        let back = rotation.inverse();
+        Self {
+            rotations: self.rotations.iter().map(|it| rotation * it * back).collect(),
+            translations: self.translations.iter().map(|it| rotation * it).collect(),
+            ..self.clone()
+        }
+    }
+
     pub fn duration_secs(&self) -> f64 {
         self.n_frames().saturating_sub(1) as f64 / self.frames_per_second
     }

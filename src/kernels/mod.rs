@@ -69,6 +69,8 @@ pub mod map_segments;
 pub mod matrix_image;
 pub mod mesh;
 pub mod mesh_sequence;
+pub mod motion_error;
+pub mod motion_skeleton;
 pub mod nearest;
 pub mod neighbour_means;
 pub mod normalize;

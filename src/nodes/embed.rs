@@ -5,16 +5,17 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::embed::{EmbedOptions, Embedding, TERM_NAMES, embed};
+use crate::kernels::embed::{EmbedOptions, Embedding, GiveUp, TERM_NAMES, Terms, embed};
 use crate::kernels::mesh::TriMesh;
 use crate::kernels::skeleton::Skeleton;
 use crate::kernels::table::{Column, Table};
 
 /// Puts a skeleton into another body (Pinocchio, with the changes of Transfer4D).
 ///
-/// Only the directions and lengths of the skeleton's bones matter: body and skeleton should stand in
-/// similar poses, but may be anywhere. The body should be one closed surface (see `clean`). Joints
-/// that find no place are given up with all joints below them; a note and the table say which.
+/// The directions and lengths of the skeleton's bones matter, and with a `source_mesh` where joints are in
+/// it: body and skeleton should stand in similar poses, but may be anywhere. The body should be one
+/// closed surface (see `clean`). Joints that find no place are given up; a note and the table say which.
+/// Where the skeleton is turned, a `retarget` takes `turned` to turn the motion alike.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct EmbedNode {
@@ -22,6 +23,12 @@ pub struct EmbedNode {
     pub rotation_deg: [f64; 3],
     /// Whether to try all 24 rotations of axes into axes and keep the one that fits best.
     pub align: bool,
+    /// With a `source_mesh`: how much it matters that joints are where they are in their own body, when the
+    /// bounding boxes have the same middle; 0 for not at all, as in Transfer4D.
+    #[schemars(range(min = 0.0, max = 100.0))]
+    pub place: f64,
+    /// What is given up when a joint finds no place.
+    pub give_up: GiveUp,
     /// Joints that should stand at the bottom.
     pub feet: Vec<String>,
     /// Joints that should be in the thick of the body, such as the hips.
@@ -49,6 +56,8 @@ impl Default for EmbedNode {
         Self {
             rotation_deg: [0.0; 3],
             align: it.align,
+            place: it.place,
+            give_up: it.give_up,
             feet: it.feet,
             fat: it.fat,
             symmetry: it.symmetry,
@@ -65,9 +74,11 @@ impl EmbedNode {
     const SKELETON: Input<Skeleton> = Input::new("skeleton", "the joints of another body");
     const SOURCE_MESH: OptionalInput<TriMesh> = OptionalInput::new(
         "source_mesh",
-        "the body of the skeleton, for its size; without it the skeleton spans nine tenths of it",
+        "the body of the skeleton, for its size and place; without it the skeleton spans nine tenths of it",
     );
     const EMBEDDED: Output<Skeleton> = Output::new("skeleton", "the matched joints in the body");
+    const TURNED: Output<Skeleton> =
+        Output::new("turned", "the given joints, all of them, as they were turned to be embedded");
     const JOINTS: Output<Table> =
         Output::new("joints", "one row a joint: matched or not, penalties");
     const SUMMARY: Output<Table> = Output::new("summary", "one row: counts, penalty");
@@ -76,9 +87,14 @@ impl EmbedNode {
 impl Node for EmbedNode {
     const SPEC: Spec = Spec {
         kind: "embed",
-        version: 1,
+        version: 2,
         inputs: &[Self::MESH.port(), Self::SKELETON.port(), Self::SOURCE_MESH.port()],
-        outputs: &[Self::EMBEDDED.port(), Self::JOINTS.port(), Self::SUMMARY.port()],
+        outputs: &[
+            Self::EMBEDDED.port(),
+            Self::TURNED.port(),
+            Self::JOINTS.port(),
+            Self::SUMMARY.port(),
+        ],
         cites: &["baran2007automatic", "maheshwari2023transfer4d"],
         example: r#"[nodes.adult]
 kind = "synthesize"
@@ -99,13 +115,13 @@ source_mesh = "@adult.mesh"
 
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
         let (mesh, skeleton) = (io.get(Self::MESH), io.get(Self::SKELETON));
-        let source_extent = io.get_optional(Self::SOURCE_MESH).map(|it| {
-            let (low, high) = it.bounds();
-            (high - low).max()
-        });
+        let bounds = io.get_optional(Self::SOURCE_MESH).map(|it| it.bounds());
         let [x, y, z] = self.rotation_deg.map(f64::to_radians);
         let options = EmbedOptions {
-            source_extent,
+            source_extent: bounds.map(|(low, high)| (high - low).max()),
+            source_center: bounds.map(|(low, high)| (low + high) / 2.0),
+            place: self.place,
+            give_up: self.give_up,
             rotation: UnitQuaternion::from_euler_angles(x, y, z),
             align: self.align,
             feet: self.feet.clone(),
@@ -129,6 +145,8 @@ source_mesh = "@adult.mesh"
             let (n_lost, n_joints) = (lost.len(), skeleton.n_joints());
             io.note(format!("{n_lost} of {n_joints} joints found no place: {}", lost.join(", ")));
         }
+        let turned = skeleton.positions().iter().map(|it| res.rotation * it).collect();
+        io.put(Self::TURNED, skeleton.with_positions(turned)?);
         io.put(Self::JOINTS, joints_table(&skeleton, &res));
         io.put(Self::SUMMARY, summary_table(&skeleton, &res));
         io.put(Self::EMBEDDED, res.skeleton);
@@ -143,7 +161,7 @@ fn joints_table(skeleton: &Skeleton, res: &Embedding) -> Table {
         Column::numbers("matched", "", matched),
     ];
     // Joints within chains have no penalties of their own.
-    let values = |of: &dyn Fn(&[f64; 9]) -> f64| {
+    let values = |of: &dyn Fn(&Terms) -> f64| {
         res.joints.iter().map(|it| it.terms.as_ref().map_or(f64::NAN, of)).collect()
     };
     columns.push(Column::numbers("penalty", "", values(&|it| it.iter().sum())));

@@ -34,6 +34,8 @@ mod load_skeleton;
 mod make_body;
 mod map_quality;
 mod match_skeletons;
+mod motion_error;
+mod motion_skeleton;
 mod normalize;
 mod nrr;
 mod pick_frame;
@@ -111,6 +113,8 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<make_body::MakeBody>(),
     NodeKind::of::<map_quality::MapQuality>(),
     NodeKind::of::<match_skeletons::MatchSkeletons>(),
+    NodeKind::of::<motion_error::MotionErrorNode>(),
+    NodeKind::of::<motion_skeleton::MotionSkeletonNode>(),
     NodeKind::of::<normalize::Normalize>(),
     NodeKind::of::<nrr::Nrr>(),
     NodeKind::of::<pick_frame::PickFrame>(),

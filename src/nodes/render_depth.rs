@@ -32,6 +32,10 @@ pub struct RenderDepth {
     /// The focal length in pixels; 0 is that of a Kinect, 0.9 times the width.
     #[schemars(range(min = 0.0, max = 100_000.0))]
     pub focal_length: f64,
+    /// The diagonal of the body's bounding box in the first filmed frame, in metres, that it is scaled to;
+    /// 0 films it as large as it is.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub diagonal: f64,
     /// Metres from the camera to the middle of the body; 0 fits the body into the picture.
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub distance: f64,
@@ -60,6 +64,7 @@ impl Default for RenderDepth {
             width: 640,
             height: 480,
             focal_length: 0.0,
+            diagonal: 0.0,
             distance: 0.0,
             azimuth: 0.0,
             elevation: 0.0,
@@ -131,6 +136,23 @@ impl RenderDepth {
         }
     }
 
+    /// The surface and its joints in the wanted size.
+    fn scaled(
+        &self,
+        (sequence, joints): (MeshSequence, Option<MeshSequence>),
+    ) -> Result<(MeshSequence, Option<MeshSequence>), NodeError> {
+        let (low, high) = sequence.mesh(0)?.bounds();
+        let own = (high - low).norm();
+        if self.diagonal == 0.0 || own == 0.0 {
+            return Ok((sequence, joints));
+        }
+        let scaled = |it: MeshSequence| {
+            let places = it.positions().iter().map(|it| it * (self.diagonal / own)).collect();
+            MeshSequence::new(it.frames_per_second(), it.n_vertices(), it.faces().to_vec(), places)
+        };
+        Ok((scaled(sequence)?, joints.map(scaled).transpose()?))
+    }
+
     fn options(&self, sequence: &MeshSequence) -> FilmOptions {
         let focal = match self.focal_length {
             0.0 => 0.9 * self.width as f64,
@@ -197,7 +219,7 @@ height = 120
     };
 
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
-        let (sequence, joints) = self.scene(io)?;
+        let (sequence, joints) = self.scaled(self.scene(io)?)?;
         let film = film(&sequence, &self.options(&sequence))?;
         let joints = joints.map(|it| move_sequence(&it, &film.camera_from_world)).transpose()?;
         let n_empty = (0..film.video.n_frames())

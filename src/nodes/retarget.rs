@@ -1,10 +1,13 @@
 //! Kind `retarget`.
 
+use nalgebra::UnitQuaternion;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
+use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
 use crate::kernels::clip::Clip;
+use crate::kernels::kabsch::best_rotation;
+use crate::kernels::mesh::Vec3;
 use crate::kernels::retarget_bones::{BoneMotion, RetargetOptions, RootMotion, retarget_bones};
 use crate::kernels::skeleton::Skeleton;
 
@@ -25,6 +28,10 @@ impl RetargetNode {
     const SOURCE: Input<Skeleton> = Input::new("source_skeleton", "the joints that the clip moves");
     const CLIP: Input<Clip> = Input::new("clip", "the motion of the source");
     const TARGET: Input<Skeleton> = Input::new("target_skeleton", "the joints to be moved");
+    const TURNED: OptionalInput<Skeleton> = OptionalInput::new(
+        "turned",
+        "the source's joints as `embed` turned them to fit the target: the motion is turned alike",
+    );
     const RESULT: Output<Clip> = Output::new("clip", "the motion of the target");
 }
 
@@ -32,7 +39,7 @@ impl Node for RetargetNode {
     const SPEC: Spec = Spec {
         kind: "retarget",
         version: 1,
-        inputs: &[Self::SOURCE.port(), Self::CLIP.port(), Self::TARGET.port()],
+        inputs: &[Self::SOURCE.port(), Self::CLIP.port(), Self::TARGET.port(), Self::TURNED.port()],
         outputs: &[Self::RESULT.port()],
         cites: &["maheshwari2023transfer4d"],
         example: r#"[nodes.adult]
@@ -55,6 +62,13 @@ target_skeleton = "@other.skeleton"
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
         let (source, clip) = (io.get(Self::SOURCE), io.get(Self::CLIP));
         let target = io.get(Self::TARGET);
+        let (source, clip) = match io.get_optional(Self::TURNED) {
+            Some(turned) => {
+                let clip = clip.turned(&rotation_between(&source, &turned)?);
+                (turned, std::sync::Arc::new(clip))
+            }
+            None => (source, clip),
+        };
         let options = RetargetOptions { bones: self.bones, root: self.root };
         let res = retarget_bones(&source, &clip, &target, &options)?;
         if !res.without_source.is_empty() {
@@ -67,4 +81,19 @@ target_skeleton = "@other.skeleton"
         io.put(Self::RESULT, res.clip);
         Ok(())
     }
+}
+
+/// How a skeleton was turned.
+fn rotation_between(given: &Skeleton, turned: &Skeleton) -> Result<UnitQuaternion<f64>, NodeError> {
+    if given.names() != turned.names() {
+        return Err(NodeError::failed(format!(
+            "`turned` has {} joints and `source_skeleton` {}, or other names",
+            turned.n_joints(),
+            given.n_joints()
+        )));
+    }
+    let mean = |it: &Skeleton| it.positions().iter().sum::<Vec3>() / it.n_joints() as f64;
+    let (a, b) = (mean(given), mean(turned));
+    let pairs = given.positions().iter().zip(turned.positions());
+    Ok(best_rotation(&pairs.map(|(from, to)| (to - b) * (from - a).transpose()).sum()))
 }

@@ -15,6 +15,8 @@ mod search;
 
 use nalgebra::UnitQuaternion;
 use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::distance_field::{DistanceField, SampledDistance, SamplingOptions};
 use super::mesh::{MeshError, TriMesh, Vec3};
@@ -30,6 +32,17 @@ use search::{Matching, SearchOptions, search, terms_of_matching};
 
 pub use penalties::{TERM_NAMES, Terms};
 
+/// What is given up when a joint finds no place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum GiveUp {
+    /// This joint: what hangs on it hangs on its parent then, and a limb gets shorter by a bone.
+    #[default]
+    Joint,
+    /// This joint and all joints below it (Transfer4D).
+    Branch,
+}
+
 /// What is embedded how.
 #[derive(Debug, Clone)]
 pub struct EmbedOptions {
@@ -37,6 +50,15 @@ pub struct EmbedOptions {
     /// skeleton is scaled so that this becomes the largest extent of the target. Without it, the
     /// skeleton's own extent counts as 0.9 of it.
     pub source_extent: Option<f64>,
+    /// The middle of that body's bounding box. If it is known, joints are looked for where they are in
+    /// their own body, when both boxes have the same middle…
+    pub source_center: Option<Vec3>,
+    /// … and this is how much that matters; 0 for not at all.
+    pub place: f64,
+    /// … and directions over less than this length matter less (bodies are 0.9 large).
+    pub short: f64,
+    /// What is given up when a joint finds no place.
+    pub give_up: GiveUp,
     /// Turns the skeleton before anything else.
     pub rotation: UnitQuaternion<f64>,
     /// Try all 24 rotations of axes into axes (after `rotation`) and take the one that fits best.
@@ -59,6 +81,10 @@ impl Default for EmbedOptions {
     fn default() -> Self {
         Self {
             source_extent: None,
+            source_center: None,
+            place: 1.0,
+            short: 0.1,
+            give_up: GiveUp::default(),
             rotation: UnitQuaternion::identity(),
             align: false,
             feet: Vec::new(),
@@ -135,10 +161,10 @@ const USUAL_SHARE: f64 = 0.9;
 const ALIGN_STEPS: usize = 1000;
 
 /// Embeds a skeleton into a closed surface (Baran & Popović 2007), with the changes that Maheshwari
-/// et al. (2023) made to it for arbitrary skeletons: joints that find no place are given up, from the
-/// first such joint on down.
+/// et al. (2023) made to it for arbitrary skeletons: joints that find no place are given up.
 ///
-/// Only directions and lengths of the skeleton's bones matter, not its place. The target should be
+/// Only directions and lengths of the skeleton's bones matter, and where joints are in their own body if
+/// that is known. The target should be
 /// one closed surface; holes are bridged by the winding number, and a surface that is inside out is
 /// turned.
 ///
@@ -219,6 +245,9 @@ fn check(skeleton: &Skeleton, options: &EmbedOptions) -> Result<(), EmbedError> 
         _ if !(angle > 0.0 && angle < 180.0) => {
             option("medial_angle_deg", angle, "between 0 and 180")
         }
+        _ if !(options.place >= 0.0 && options.place.is_finite()) => {
+            option("place", options.place, "a number from 0")
+        }
         _ if options.max_balls == 0 => option("max_balls", 0.0, "at least 1"),
         _ if options.max_queue < 2 => option("max_queue", options.max_queue as f64, "at least 2"),
         _ => Ok(()),
@@ -275,6 +304,8 @@ impl Target {
 struct Source<'a> {
     skeleton: &'a Skeleton,
     positions: Vec<Vec3>,
+    /// The middle of its body.
+    center: Option<Vec3>,
     options: &'a EmbedOptions,
 }
 
@@ -289,7 +320,8 @@ impl<'a> Source<'a> {
             return Err(EmbedError::Option { name: "source_extent", value: whole, wanted });
         }
         let positions = skeleton.positions().iter().map(|it| (it - low) * scale).collect();
-        Ok(Self { skeleton, positions, options })
+        let center = options.source_center.map(|it| (it - low) * scale);
+        Ok(Self { skeleton, positions, center, options })
     }
 
     /// For every reduced joint, whether a list of joints names it.
@@ -321,6 +353,11 @@ fn match_joints(
         up: rotation * Vec3::y(),
         is_foot: source.is_named(working, reduced, &options.feet),
         mirrored: mirrored.collect(),
+        places: source
+            .center
+            .filter(|_| options.place > 0.0)
+            .map(|it| (options.place, Vec3::repeat(0.5) - rotation * it)),
+        short: options.short,
     };
     let is_fat = source.is_named(working, reduced, &options.fat);
     let candidates: Vec<Vec<usize>> =
@@ -366,8 +403,8 @@ impl Attempt {
     }
 }
 
-/// Matches the joints of the turned skeleton, and gives up those that find no place, each with all
-/// joints below it, until the rest is matched.
+/// Matches the joints of the turned skeleton, and gives up those that find no place until the rest is
+/// matched.
 fn attempt(
     target: &Target,
     source: &Source<'_>,
@@ -383,8 +420,8 @@ fn attempt(
         let reduced = Reduced::new(&working);
         let (matching, terms) =
             match_joints(target, source, &working, &reduced, &rotation, max_steps);
-        let n_matched = matching.balls.len();
-        if n_matched == reduced.n() || n_matched == 0 {
+        let lost = matching.lost.filter(|_| working.n() > 1);
+        let Some(lost) = lost else {
             return Attempt {
                 working,
                 reduced,
@@ -394,8 +431,12 @@ fn attempt(
                 n_all,
                 n_searches,
             };
-        }
-        working = working.without(reduced.joints[n_matched]);
+        };
+        let lost = reduced.joints[lost];
+        working = match source.options.give_up {
+            GiveUp::Branch => working.without(lost),
+            GiveUp::Joint => working.without_only(lost),
+        };
     }
 }
 
@@ -448,12 +489,15 @@ fn first_given(working_of_given: &[usize], n_working: usize) -> Vec<usize> {
 
 fn kept_skeleton(skeleton: &Skeleton, target: &Target, places: &[Option<Vec3>]) -> Skeleton {
     let (mut names, mut parents, mut positions) = (vec![], vec![], vec![]);
-    let mut new_of_old = vec![None; places.len()];
+    // A joint that was given up stands for its parent.
+    let mut new_of_old: Vec<Option<usize>> = vec![None; places.len()];
     for (joint, place) in places.iter().enumerate() {
+        let parent = skeleton.parents()[joint].and_then(|it| new_of_old[it]);
+        new_of_old[joint] = parent;
         let Some(place) = place else { continue };
         new_of_old[joint] = Some(names.len());
         names.push(skeleton.names()[joint].clone());
-        parents.push(skeleton.parents()[joint].and_then(|it| new_of_old[it]));
+        parents.push(parent);
         positions.push(target.mesh_from_work(*place));
     }
     Skeleton::new(names, parents, positions)

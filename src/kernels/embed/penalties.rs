@@ -7,10 +7,10 @@ use super::reduced::{Reduced, along};
 use crate::kernels::mesh::Vec3;
 
 /// The weighted penalties of one joint, by kind.
-pub type Terms = [f64; 9];
+pub type Terms = [f64; 10];
 
 /// The names of [`Terms`].
-pub const TERM_NAMES: [&str; 9] = [
+pub const TERM_NAMES: [&str; 10] = [
     "length",
     "direction",
     "symmetry",
@@ -20,6 +20,7 @@ pub const TERM_NAMES: [&str; 9] = [
     "bone direction",
     "inner leaf",
     "far",
+    "place",
 ];
 
 const LENGTH: usize = 0;
@@ -31,11 +32,16 @@ const ZERO_CHAIN: usize = 5;
 const BONE_DIRECTION: usize = 6;
 const INNER_LEAF: usize = 7;
 const FAR: usize = 8;
+const PLACE: usize = 9;
 
-const WEIGHTS: Terms = [0.027, 0.023, 0.007, 0.046, 0.014, 0.012, 0.072, 0.005, 0.033];
+/// That of places is ours, and multiplied by what the user says.
+const WEIGHTS: Terms = [0.027, 0.023, 0.007, 0.046, 0.014, 0.012, 0.072, 0.005, 0.033, 0.5];
 
 /// A part of a ball's radius that a chain may reach beyond the ball's centre.
 const SLACK: f64 = 0.7;
+
+/// The distance from its place from which on it hardly matters how far a joint is off.
+const PLACE_REACH: f64 = 0.3;
 
 /// Balls below this radius carry one chain only.
 const NARROW: f64 = 0.02;
@@ -49,6 +55,10 @@ pub struct Problem<'a> {
     pub is_foot: Vec<bool>,
     /// The earlier joint that mirrors a joint.
     pub mirrored: Vec<Option<usize>>,
+    /// How much places matter, and what leads from the skeleton to the target if their bodies stand in
+    /// the same place.
+    pub places: Option<(f64, Vec3)>,
+    pub short: f64,
 }
 
 /// Joints matched so far: the first ones, with the balls they are matched to.
@@ -64,7 +74,7 @@ impl Problem<'_> {
     /// The penalties that depend on a joint, its ball and its parent's ball only; `None` if the joint
     /// cannot be there.
     pub fn pair_terms(&self, joint: usize, parent_ball: usize, ball: usize) -> Option<Terms> {
-        let mut terms = [0.0; 9];
+        let mut terms = [0.0; 10];
         let (a, b) = (&self.graph.balls[parent_ball], &self.graph.balls[ball]);
         let chain = &self.reduced.chains[joint];
         let distance = self.graph.distance(parent_ball, ball);
@@ -77,14 +87,16 @@ impl Problem<'_> {
         let wanted = direction(self.reduced.positions[parent], self.reduced.positions[joint]);
         let found = direction(a.center, b.center);
         let dot = wanted.dot(&found);
-        if dot < 0.0 {
+        let share = self.directed(chain.length);
+        if dot < 0.0 && share == 1.0 {
             return None;
         }
-        terms[DIRECTION] = 0.5 * ((4.0 * (1.0 - dot)).powi(2) - 0.1).max(0.0);
+        terms[DIRECTION] = share * 0.5 * ((4.0 * (1.0 - dot)).powi(2) - 0.1).max(0.0);
         if parent_ball == ball {
             terms[ZERO_CHAIN] = 1.0;
         }
         terms[FEET] = self.foot_height(joint, ball);
+        terms[PLACE] = self.displacement(joint, ball);
         if self.reduced.is_leaf(joint) && self.is_inner(ball, &found, &wanted) {
             terms[INNER_LEAF] = 1.0;
         }
@@ -96,14 +108,15 @@ impl Problem<'_> {
 
     /// The penalties of the root.
     pub fn root_terms(&self, ball: usize) -> Option<Terms> {
-        let mut terms = [0.0; 9];
+        let mut terms = [0.0; 10];
         terms[FEET] = self.foot_height(0, ball);
+        terms[PLACE] = self.displacement(0, ball);
         weighted(terms)
     }
 
     /// The penalties that depend on what is matched already.
     pub fn context_terms(&self, matched: &Matched<'_>, joint: usize, ball: usize) -> Option<Terms> {
-        let mut terms = [0.0; 9];
+        let mut terms = [0.0; 10];
         let parent = self.reduced.parents[joint]?;
         let parent_ball = matched.balls[parent];
         for &sibling in self.reduced.children[parent].iter().filter(|&&it| it < joint) {
@@ -128,7 +141,19 @@ impl Problem<'_> {
         let wanted = direction(self.reduced.positions[sibling], self.reduced.positions[joint]);
         let found = direction(center(matched.balls[sibling]), center(ball));
         let dot = wanted.dot(&found);
-        (dot >= -0.5).then(|| 0.5 * ((2.0 * (1.0 - dot)).powi(2) - 0.5).max(0.0))
+        let places = [sibling, joint].map(|it| self.reduced.positions[it]);
+        let share = self.directed((places[1] - places[0]).norm());
+        let is_possible = dot >= -0.5 || share < 1.0;
+        is_possible.then(|| share * 0.5 * ((2.0 * (1.0 - dot)).powi(2) - 0.5).max(0.0))
+    }
+
+    /// How much a direction over some length says. Where joints have places, short ones say little: the
+    /// skeleton of a surface seen from one side lies beside the middle of the body.
+    fn directed(&self, length: f64) -> f64 {
+        match self.places {
+            Some(_) => (length / self.short).min(1.0),
+            None => 1.0,
+        }
     }
 
     /// Compares the chains of two joints that mirror each other, along the body and straight.
@@ -178,6 +203,14 @@ impl Problem<'_> {
         matched.balls.iter().enumerate().filter(is_far).count() as f64
     }
 
+    /// How far a ball is from where the joint is in its own body: squared, but bounded.
+    fn displacement(&self, joint: usize, ball: usize) -> f64 {
+        let Some((weight, shift)) = self.places else { return 0.0 };
+        let place = self.reduced.positions[joint] + shift;
+        let square = (self.graph.balls[ball].center - place).norm_squared();
+        weight * square / (1.0 + square / (PLACE_REACH * PLACE_REACH))
+    }
+
     fn foot_height(&self, joint: usize, ball: usize) -> f64 {
         if !self.is_foot[joint] {
             return 0.0;
@@ -223,8 +256,20 @@ impl Problem<'_> {
     }
 
     /// The balls that a joint may be matched to: for a leaf, those at the ends of the body; for a
-    /// joint that is wanted in the thick of the body, the largest.
+    /// joint that is wanted in the thick of the body, the largest. Where joints have places, those that
+    /// are nearest.
     pub fn candidates(&self, joint: usize, is_fat: bool) -> Vec<usize> {
+        let mut balls = self.all_candidates(joint, is_fat);
+        if self.places.is_some() && balls.len() > N_NEAR {
+            let off = |it: &usize| self.displacement(joint, *it);
+            balls.sort_by(|a, b| off(a).total_cmp(&off(b)).then(a.cmp(b)));
+            balls.truncate(N_NEAR);
+            balls.sort_unstable();
+        }
+        balls
+    }
+
+    fn all_candidates(&self, joint: usize, is_fat: bool) -> Vec<usize> {
         let n = self.graph.n();
         if is_fat {
             return (0..n.min(N_FAT)).collect();
@@ -250,6 +295,9 @@ impl Problem<'_> {
         })
     }
 }
+
+/// How many balls near its place a joint may be matched to.
+const N_NEAR: usize = 250;
 
 /// How many of the largest balls a joint in the thick of the body may be matched to.
 const N_FAT: usize = 50;

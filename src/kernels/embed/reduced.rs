@@ -68,6 +68,24 @@ impl Working {
     }
 }
 
+impl Working {
+    /// The tree without one joint, whose children hang on its parent then. The root stays.
+    pub fn without_only(&self, removed: usize) -> Self {
+        let Some(heir) = self.parents[removed] else { return self.clone() };
+        let kept: Vec<usize> = (0..self.n()).filter(|&it| it != removed).collect();
+        let new_of_old = |it: usize| it - usize::from(it > removed);
+        let parent = |it: usize| if it == removed { heir } else { it };
+        Self {
+            joints: kept.iter().map(|&it| self.joints[it]).collect(),
+            parents: kept
+                .iter()
+                .map(|&it| self.parents[it].map(|it| new_of_old(parent(it))))
+                .collect(),
+            positions: kept.iter().map(|&it| self.positions[it]).collect(),
+        }
+    }
+}
+
 /// The root, the ends and the branchings, with the chains of bones between them. Joints are in depth
 /// first order, so parents come first.
 #[derive(Debug, Clone)]
@@ -236,6 +254,16 @@ mod tests {
         assert_eq!(reduced.joints, [0, 3]);
         assert_eq!(reduced.chains[1].bones.len(), 3);
         assert_eq!(working.without(1).n(), 1);
+    }
+
+    #[test]
+    fn the_children_of_a_joint_that_is_given_up_hang_on_its_parent() {
+        let (working, _) = working();
+        let smaller = working.without_only(2);
+        assert_eq!(smaller.joints, [0, 2, 4, 5]);
+        assert_eq!(smaller.parents, [None, Some(0), Some(1), Some(1)]);
+        assert_eq!(working.without_only(4).joints, [0, 2, 3, 4]);
+        assert_eq!(working.without_only(0).n(), 5);
     }
 
     #[test]

@@ -20,15 +20,21 @@ pub struct Matching {
     /// The balls of the first joints; all joints if the search succeeded.
     pub balls: Vec<usize>,
     pub penalty: f64,
+    /// The joint that found no place.
+    pub lost: Option<usize>,
 }
 
 /// Total penalties from here on are no match.
 const LIMIT: f64 = 1.0;
 
+/// What a joint that is given up counts when the least loss is looked for.
+const LOSS: f64 = 0.5;
+
 /// Matches joints in their order, best first (A*).
 ///
 /// A partial matching waits with its penalty plus, for every open joint whose parent is matched, the
-/// least that this joint can cost there. So the first complete matching that is taken is the best.
+/// least that this joint and all below it can cost there. So the first complete matching that is taken
+/// is the best.
 /// If there is none, returns the one with the most joints among those that were taken.
 pub fn search(
     problem: &Problem<'_>,
@@ -42,6 +48,9 @@ pub fn search(
         queue: BinaryHeap::new(),
         taken: Vec::new(),
         costs: vec![None; problem.reduced.n() * problem.graph.n()],
+        least: vec![f64::NAN; problem.reduced.n() * problem.graph.n()],
+        open: vec![f64::NAN; problem.reduced.n() * problem.graph.n()],
+        loss: f64::INFINITY,
         n_queued: 0,
     }
     .run()
@@ -107,6 +116,12 @@ struct Search<'a> {
     taken: Vec<(u32, u32)>,
     /// By joint and the ball of its parent.
     costs: Vec<Option<Costs>>,
+    /// By joint and the ball of its parent: what it and all below it cost at least; NaN if unknown yet.
+    least: Vec<f64>,
+    /// By joint and its ball: what all below it costs at least.
+    open: Vec<f64>,
+    /// What every joint counts if it and all below it are given up.
+    loss: f64,
     n_queued: u64,
 }
 
@@ -120,11 +135,16 @@ impl Search<'_> {
                 self.push(penalty, penalty + open, u32::MAX, ball, 1);
             }
         }
-        let mut deepest = Matching { balls: vec![], penalty: 0.0 };
+        if self.queue.is_empty() {
+            let lost = self.least_loss();
+            return Matching { balls: vec![], penalty: 0.0, lost };
+        }
+        let mut deepest = Matching { balls: vec![], penalty: 0.0, lost: None };
         while let Some(best) = self.queue.pop() {
             let balls = self.balls(&best);
             if balls.len() > deepest.balls.len() {
-                deepest = Matching { balls: balls.clone(), penalty: best.penalty };
+                let lost = Some(balls.len()).filter(|it| *it < n_joints);
+                deepest = Matching { balls: balls.clone(), penalty: best.penalty, lost };
             }
             if balls.len() == n_joints || self.taken.len() == self.options.max_steps {
                 break;
@@ -194,14 +214,74 @@ impl Search<'_> {
         }
     }
 
-    /// What the children of a joint cost at least if it is matched to a ball.
+    /// What everything below a joint costs at least if the joint is matched to a ball, but for what
+    /// depends on other branches.
     fn open_children(&mut self, joint: usize, ball: usize) -> f64 {
-        let reduced = self.problem.reduced;
-        reduced.children[joint].iter().map(|&child| self.least_cost(child, ball)).sum()
+        let at = joint * self.problem.graph.n() + ball;
+        if self.open[at].is_nan() {
+            let reduced = self.problem.reduced;
+            let children = reduced.children[joint].iter();
+            self.open[at] = children.map(|&child| self.least_cost(child, ball)).sum();
+        }
+        self.open[at]
     }
 
     fn least_cost(&mut self, joint: usize, parent_ball: usize) -> f64 {
-        self.costs(joint, parent_ball).first().map_or(f64::INFINITY, |it| it.0)
+        let at = joint * self.problem.graph.n() + parent_ball;
+        if self.least[at].is_nan() {
+            let mut least = self.loss * self.n_below(joint) as f64;
+            for &(cost, ball) in self.costs(joint, parent_ball).iter() {
+                if cost >= least {
+                    break;
+                }
+                least = least.min(cost + self.open_children(joint, ball as usize));
+            }
+            self.least[at] = least;
+        }
+        self.least[at]
+    }
+
+    /// How many joints a branch has.
+    fn n_below(&self, joint: usize) -> usize {
+        let children = self.problem.reduced.children[joint].iter();
+        1 + children.map(|&it| self.n_below(it)).sum::<usize>()
+    }
+
+    /// The first joint that is given up if as little as possible is, where no tree of joints costs less
+    /// than the limit.
+    fn least_loss(&mut self) -> Option<usize> {
+        self.loss = LOSS;
+        self.least.fill(f64::NAN);
+        self.open.fill(f64::NAN);
+        let mut best = (f64::INFINITY, 0);
+        for &ball in &self.candidates[0] {
+            let Some(terms) = self.problem.root_terms(ball) else { continue };
+            let cost = terms.iter().sum::<f64>() + self.open_children(0, ball);
+            if cost < best.0 {
+                best = (cost, ball);
+            }
+        }
+        let reduced = self.problem.reduced;
+        let mut balls = vec![best.1; reduced.n()];
+        let mut dearest: Option<(f64, usize)> = None;
+        for joint in 1..reduced.n() {
+            let from = balls[reduced.parents[joint].expect("only the first joint is a root")];
+            let mut found: Option<(f64, f64, usize)> = None;
+            for &(cost, ball) in self.costs(joint, from).iter() {
+                let all = cost + self.open_children(joint, ball as usize);
+                if found.is_none_or(|it| all < it.0) {
+                    found = Some((all, cost, ball as usize));
+                }
+            }
+            let loss = LOSS * self.n_below(joint) as f64;
+            let Some((_, cost, ball)) = found.filter(|it| it.0 < loss) else { return Some(joint) };
+            balls[joint] = ball;
+            if dearest.is_none_or(|it| cost > it.0) {
+                dearest = Some((cost, joint));
+            }
+        }
+        // All have a place, but together they cost too much.
+        dearest.map(|it| it.1)
     }
 
     fn costs(&mut self, joint: usize, parent_ball: usize) -> Costs {

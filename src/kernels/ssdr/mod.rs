@@ -63,6 +63,9 @@ pub struct Ssdr {
     pub motions: Vec<Isometry3<f64>>,
     /// The bones' centres in the rest pose: means of the vertices by weight.
     pub centers: Vec<Vec3>,
+    /// The label (of those given, or of the clusters found) that every bone began with, ascending: a
+    /// bone that ends up moving nothing is not there.
+    pub label_of_bone: Vec<u32>,
     /// The root of the mean squared distance over all frames and vertices, in mesh units.
     pub rmse: f64,
     /// This error after every iteration.
@@ -109,10 +112,11 @@ pub fn ssdr(
     if !(moving.scale > 0.0 && moving.squares.iter().all(|it| it.is_finite())) {
         return Err(SsdrError::Range);
     }
-    let labels = match labels {
-        Some(labels) => compact(labels),
+    let given = match labels {
+        Some(labels) => labels.to_vec(),
         None => clusters::clusters(&moving, options.n_bones),
     };
+    let (labels, known) = compact(&given);
     let smoothing = (options.smoothness > 0.0).then(|| Smoothing::new(&moving, faces));
     let mut rows: Vec<weights::Row> = labels.iter().map(|&it| vec![(it, 1.0)]).collect();
     let n_bones = labels.iter().max().map_or(1, |it| *it as usize + 1);
@@ -139,7 +143,7 @@ pub fn ssdr(
     if let Some((_, best_rows, best_motions)) = best {
         (rows, motions) = (best_rows, best_motions);
     }
-    Ok(finish(rest, frames, &moving, rows, &motions, history))
+    Ok(finish(rest, frames, &moving, (rows, &motions, &known), history))
 }
 
 fn check(
@@ -194,13 +198,13 @@ fn check(
     Ok(())
 }
 
-/// Numbers labels from zero, without gaps, in their order.
-fn compact(labels: &[u32]) -> Vec<u32> {
+/// Numbers labels from zero, without gaps, in their order; and which labels there are.
+fn compact(labels: &[u32]) -> (Vec<u32>, Vec<u32>) {
     let mut known = labels.to_vec();
     known.sort_unstable();
     known.dedup();
     let number = |it: &u32| known.binary_search(it).expect("every label is known") as u32;
-    labels.iter().map(number).collect()
+    (labels.iter().map(number).collect(), known)
 }
 
 /// The moving mesh, with every frame about its own centre and a size of about one.
@@ -263,8 +267,7 @@ fn finish(
     rest: &[Vec3],
     frames: &[&[Vec3]],
     moving: &Moving,
-    rows: Vec<weights::Row>,
-    motions: &Motions,
+    (rows, motions, labels): (Vec<weights::Row>, &Motions, &[u32]),
     history: Vec<f64>,
 ) -> Ssdr {
     let mut totals = vec![0.0; motions.n_bones()];
@@ -297,7 +300,8 @@ fn finish(
     }
     let centers = kept.iter().map(|&it| sums[it] / totals[it]).collect();
     let rmse = rmse(rest, frames, &weights, &all);
-    Ssdr { weights, motions: all, centers, rmse, history }
+    let label_of_bone = kept.iter().map(|&it| labels[it]).collect();
+    Ssdr { weights, motions: all, centers, label_of_bone, rmse, history }
 }
 
 /// The root of the mean squared distance between skinned and given positions.
