@@ -45,7 +45,7 @@ impl Default for JointOptions {
     fn default() -> Self {
         Self {
             window: 0.08,
-            tip: 2.0,
+            tip: 2.5,
             fork: 0.5,
             at_forks: false,
             min_angle: 25.0,
