@@ -106,7 +106,7 @@ pub enum NrrError {
 pub struct FrameReport {
     /// The mean distance of paired vertices to their pairs, in metres; NaN without pairs.
     pub residual: f64,
-    /// The share of target pixels that the tracked surface covers.
+    /// The share of target pixels that the tracked surface covers; NaN without any.
     pub coverage: f64,
     /// Intersection over union of silhouettes.
     pub iou: f64,
@@ -201,6 +201,9 @@ fn check(
     }
 }
 
+/// How many target pixels tell how much of a frame is covered.
+const N_COVERED: usize = 4000;
+
 struct Tracker<'a> {
     video: &'a DepthVideo,
     mesh: &'a TriMesh,
@@ -262,7 +265,7 @@ impl<'a> Tracker<'a> {
         let window = Window::around(self.video, frame, &before);
         let smoothing = self.options.smoothing;
         let target = Target::of_window(self.video, frame, window, self.gate, smoothing);
-        let first = self.report(&target, &before);
+        let first = self.report(&target, &before, 0);
         if target.measured.is_empty() {
             return (previous.clone(), before, FrameReport { is_lost: true, ..first });
         }
@@ -277,7 +280,7 @@ impl<'a> Tracker<'a> {
         }
         let (motion, n_iterations) = self.refine(&target, motion);
         let vertices = warp(&self.fine, self.mesh.vertices(), &motion);
-        let report = self.report(&target, &vertices);
+        let report = self.report(&target, &vertices, N_COVERED);
         let is_lost = self.is_off(&report);
         let report = FrameReport { n_iterations, is_relocalized, is_lost, ..report };
         match is_lost && !(report.iou > first.iou) {
@@ -306,7 +309,7 @@ impl<'a> Tracker<'a> {
         }
         let vertices = warp(&self.fine, self.mesh.vertices(), &motion);
         let n_iterations = if is_lost { 0 } else { options.n_steps };
-        let report = self.report(&target, &vertices);
+        let report = self.report(&target, &vertices, N_COVERED);
         (motion, vertices, FrameReport { is_lost, n_iterations, ..report })
     }
 
@@ -407,8 +410,8 @@ impl<'a> Tracker<'a> {
         res
     }
 
-    /// Compares a surface with a frame.
-    fn report(&self, target: &Target, vertices: &[Vec3]) -> FrameReport {
+    /// Compares a surface with a frame; its coverage is told from at most so many target pixels.
+    fn report(&self, target: &Target, vertices: &[Vec3], n_covered: usize) -> FrameReport {
         let seen = Seen::new(target, vertices, self.mesh.faces());
         let limits = self.limit(0.0);
         let places: Vec<(u32, Vec3)> =
@@ -418,7 +421,10 @@ impl<'a> Tracker<'a> {
         let pairs = source_to_target(target, &seen, &visible, &limits);
         let distance = |it: &Pair| (it.point - places[it.sample as usize].1).norm();
         let residual = pairs.iter().map(distance).sum::<f64>() / pairs.len() as f64;
-        let (_, coverage) = target_to_source(target, &seen, &visible, &limits, 1.0, 4000);
+        let coverage = match n_covered {
+            0 => f64::NAN,
+            most => target_to_source(target, &seen, &visible, &limits, 1.0, most).1,
+        };
         let (iou, overlap) = overlaps(target, &seen);
         FrameReport {
             residual,
