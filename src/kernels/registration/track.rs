@@ -78,7 +78,7 @@ impl Default for NrrOptions {
             n_samples: 5000,
             erosion: 1,
             least_overlap: 0.5,
-            tolerance: 1e-4,
+            tolerance: 1e-2,
             seed: 0,
         }
     }

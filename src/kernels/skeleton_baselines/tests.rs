@@ -187,15 +187,11 @@ fn a_chain_of_three_is_found() {
     assert!(share(&found.weights) > 0.97, "{}", share(&found.weights));
     assert!(found.error < 0.02, "{}", found.error);
     assert_eq!(found.skeleton.n_joints(), 5);
-    // The pull to the middle of the border, whose weights reach over some rings, costs a little.
-    let off = |found: &MovingSkeleton, joint: &Vec3| {
-        let places = found.skeleton.positions().iter();
-        places.map(|it| (it - joint).norm()).fold(1.0, f64::min)
-    };
-    let free = skeletonize_le(&moving, &LeOptions { pull: 0.0, ..le(3) }).unwrap();
-    for joint in &joints {
-        let (pulled, free) = (off(&found, joint), off(&free, joint));
-        assert!(pulled < 0.1 && free < 0.02, "{pulled} {free}");
+    // Two rounds of fitting leave the bones' motions, and so the joints, a little off.
+    for joint in joints {
+        let off = found.skeleton.positions().iter().map(|it| (it - joint).norm());
+        let off = off.fold(1.0, f64::min);
+        assert!(off < 0.1, "{off}");
     }
     let found =
         skeletonize_kmeans(&moving, &KeypointOptions { n_keypoints: 6, ..Default::default() });
