@@ -230,6 +230,13 @@ impl Search<'_> {
         let at = joint * self.problem.graph.n() + parent_ball;
         if self.least[at].is_nan() {
             let mut least = self.loss * self.n_below(joint) as f64;
+            if self.problem.places.is_none() {
+                // With all balls to choose from, whole trees take longer than the search they save.
+                let first = self.costs(joint, parent_ball).first().map(|it| it.0);
+                least = least.min(first.unwrap_or(f64::INFINITY));
+                self.least[at] = least;
+                return least;
+            }
             for &(cost, ball) in self.costs(joint, parent_ball).iter() {
                 if cost >= least {
                     break;

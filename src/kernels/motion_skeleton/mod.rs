@@ -68,7 +68,7 @@ impl Default for MotionSkeletonOptions {
             max_bones: 30,
             rounds: 3,
             least_error: 1e-7,
-            least_limb: 0.04,
+            least_limb: 0.07,
             max_variation: 4.0,
             joints: JointMotion::default(),
             ssdr: SsdrOptions {
