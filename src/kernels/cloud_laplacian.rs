@@ -2,14 +2,10 @@
 
 use std::cmp::Ordering;
 
-use nalgebra::Matrix3;
-use rayon::prelude::*;
-
+use super::delaunay_stars::{StarOptions, delaunay_stars};
 use super::edge_weights::EdgeWeights;
 use super::mesh::Vec3;
 use super::operator::Operator;
-use super::point_tree::PointTree;
-use super::star::{Spoke, delaunay_star};
 use super::tufted::{Gluing, TuftedError, TuftedReport, cover_laplacian};
 
 /// Options of [`cloud_laplacian`].
@@ -86,7 +82,8 @@ pub fn cloud_laplacian(
     if n_places < 3 {
         return Err(CloudError::TooFew { n_points, n_places });
     }
-    let triangles = stars(&places.positions, n_neighbors);
+    let around = StarOptions { n_neighbors, sheets: None };
+    let triangles = delaunay_stars(&places.positions, &around);
     if triangles.is_empty() {
         return Err(CloudError::NoTriangles { n_points });
     }
@@ -156,99 +153,6 @@ impl Places {
     }
 }
 
-/// Points that one task works on. Fixed, so that results do not depend on threads.
-const TOGETHER: usize = 256;
-
-/// The triangles around every point, by point.
-fn stars(points: &[Vec3], n_neighbors: usize) -> Vec<[u32; 3]> {
-    let tree = PointTree::new(points);
-    let blocks: Vec<Vec<[u32; 3]>> = tree
-        .order()
-        .par_chunks(TOGETHER)
-        .map(|centers| {
-            let mut surroundings = Surroundings::default();
-            let mut triangles = Vec::with_capacity(7 * centers.len());
-            for &center in centers {
-                surroundings.add_star(points, &tree, center, n_neighbors, &mut triangles);
-            }
-            triangles
-        })
-        .collect();
-    blocks.concat()
-}
-
-/// Room for the work on one point, used again for the next.
-#[derive(Default)]
-struct Surroundings {
-    found: Vec<(f64, u32)>,
-    spokes: Vec<Spoke>,
-    ring: Vec<Spoke>,
-}
-
-/// A neighbour this near in the projection, in parts of the farthest, is moved away from the center.
-const PUSH_OUT: f64 = 1e-7;
-
-impl Surroundings {
-    /// Appends the triangles around a point.
-    fn add_star(
-        &mut self,
-        points: &[Vec3],
-        tree: &PointTree,
-        center: u32,
-        n_neighbors: usize,
-        triangles: &mut Vec<[u32; 3]>,
-    ) {
-        let place = points[center as usize];
-        // The point itself is the nearest: no two are at the same place.
-        tree.nearest(place, n_neighbors + 1, &mut self.found);
-        let neighbors = &self.found[1..];
-        let radius = neighbors.last().map_or(0.0, |it| it.0.sqrt());
-        let [u, v] = tangents(neighbors.iter().map(|it| (points[it.1 as usize] - place) / radius));
-        self.spokes.clear();
-        self.spokes.extend(neighbors.iter().map(|&(_, index)| {
-            let arm = (points[index as usize] - place) / radius;
-            let mut at = [arm.dot(&u), arm.dot(&v)];
-            let length = at[0].hypot(at[1]);
-            if length < PUSH_OUT {
-                at = if length > 0.0 {
-                    at.map(|it| it / length * PUSH_OUT)
-                } else {
-                    [PUSH_OUT, 0.0]
-                };
-            }
-            Spoke::new(index, at, tie_breaker(points[index as usize]))
-        }));
-        let closed = delaunay_star(&mut self.spokes, tie_breaker(place), &mut self.ring);
-        let n_triangles = if closed { self.ring.len() } else { self.ring.len().saturating_sub(1) };
-        triangles.extend((0..n_triangles).map(|it| {
-            let next = self.ring[(it + 1) % self.ring.len()];
-            [center, self.ring[it].index, next.index]
-        }));
-    }
-}
-
-/// Two directions at right angles that span the plane nearest to arms.
-fn tangents(arms: impl Iterator<Item = Vec3>) -> [Vec3; 2] {
-    let covariance = arms.fold(Matrix3::zeros(), |sum, arm| sum + arm * arm.transpose());
-    let eigen = covariance.symmetric_eigen();
-    let least = eigen.eigenvalues.imin();
-    let column = |it: usize| eigen.eigenvectors.column((least + it) % 3).into_owned();
-    [column(1), column(2)]
-}
-
-/// A number in `[0, 1)` that belongs to a place.
-///
-/// Four points on a circle have two Delaunay triangulations. Stars of different points must choose the
-/// same, or the square between them is covered too often or not often enough; and the choice must not
-/// depend on the order of the points.
-fn tie_breaker(place: Vec3) -> f64 {
-    let hash = place.iter().fold(0_u64, |hash, it| {
-        let mixed = (hash ^ (it + 0.0).to_bits()).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        mixed ^ (mixed >> 29)
-    });
-    (hash.wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 11) as f64 / (1_u64 << 53) as f64
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -309,7 +213,8 @@ mod tests {
         assert!(found[1..4].iter().all(|it| (it - 2.0).abs() < 0.01), "{found:?}");
         assert!(found[4..9].iter().all(|it| (it - 6.0).abs() < 0.08), "{found:?}");
 
-        let triangles = stars(&points, CloudOptions::default().n_neighbors);
+        let n_neighbors = CloudOptions::default().n_neighbors;
+        let triangles = delaunay_stars(&points, &StarOptions { n_neighbors, sheets: None });
         let (by_angle, _) = cover_laplacian(&points, &triangles, Gluing::ByAngle).unwrap();
         let found = eigenvalues(&by_angle, 9);
         assert!(found[1..4].iter().all(|it| (1.88..1.92).contains(it)), "{found:?}");

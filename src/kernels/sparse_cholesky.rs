@@ -16,13 +16,21 @@ use super::sparse::CsrMatrix;
 #[derive(Debug)]
 pub struct SparseCholesky {
     symbolic: SymbolicCholesky<u32>,
+    offsets: Vec<u32>,
+    columns: Vec<u32>,
     values: Vec<f64>,
 }
 
 impl SparseCholesky {
-    /// Factors a symmetric matrix, given in full; `None` if it is not positive definite or too large
-    /// for 32-bit indices.
+    /// Factors a symmetric matrix; `None` if it is not positive definite or too large for 32-bit
+    /// indices. Only what is on the diagonal and above it is read; the rest may be missing.
     pub fn new(matrix: &CsrMatrix) -> Option<Self> {
+        let mut res = Self::of_pattern(matrix)?;
+        res.refactor(matrix).then_some(res)
+    }
+
+    /// Finds out where the factor has entries.
+    fn of_pattern(matrix: &CsrMatrix) -> Option<Self> {
         u32::try_from(matrix.n_stored()).ok()?;
         let offsets: Vec<u32> = matrix.offsets.iter().map(|&it| it as u32).collect();
         let n = matrix.n_rows;
@@ -32,21 +40,34 @@ impl SparseCholesky {
         let symbolic =
             factorize_symbolic_cholesky(pattern, Side::Lower, SymmetricOrdering::Amd, params)
                 .ok()?;
-        let mut values = vec![0.0; symbolic.len_val()];
-        let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
+        let values = vec![0.0; symbolic.len_val()];
+        Some(Self { symbolic, offsets, columns: matrix.columns.clone(), values })
+    }
+
+    /// Factors another matrix with entries at the same places, for which the order of elimination and
+    /// the pattern of the factor are known. Returns whether it is positive definite; if not, there is
+    /// no factor until the next success.
+    ///
+    /// # Panics
+    /// If entries are at other places.
+    pub fn refactor(&mut self, matrix: &CsrMatrix) -> bool {
+        assert!(self.columns == matrix.columns, "entries at the same places");
+        let n = matrix.n_rows;
+        let pattern =
+            SymbolicSparseColMatRef::new_checked(n, n, &self.offsets, None, &self.columns);
+        let scratch =
+            self.symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
         let mut memory = MemBuffer::new(scratch);
-        symbolic
-            .factorize_numeric_llt(
-                &mut values,
-                SparseColMatRef::new(pattern, &matrix.values),
-                Side::Lower,
-                LltRegularization::default(),
-                Par::Seq,
-                MemStack::new(&mut memory),
-                Default::default(),
-            )
-            .ok()?;
-        values.iter().all(|it| it.is_finite()).then_some(Self { symbolic, values })
+        let made = self.symbolic.factorize_numeric_llt(
+            &mut self.values,
+            SparseColMatRef::new(pattern, &matrix.values),
+            Side::Lower,
+            LltRegularization::default(),
+            Par::Seq,
+            MemStack::new(&mut memory),
+            Default::default(),
+        );
+        made.is_ok() && self.values.iter().all(|it| it.is_finite())
     }
 
     /// Solves `A X = B` in place, for `n x p` right-hand sides.
@@ -98,6 +119,24 @@ mod tests {
             SparseCholesky::new(&matrix).unwrap().solve_in_place(right.as_mut());
             assert!((&right - &exact).norm_max() < 1e-8, "{n}");
         }
+    }
+
+    #[test]
+    fn a_second_matrix_of_the_same_pattern_and_the_upper_half_alone_do() {
+        let exact = Mat::from_fn(300, 1, |row, _| (row % 13) as f64);
+        let upper = |matrix: &CsrMatrix| {
+            let rows = 0..matrix.n_rows;
+            let entries = rows.flat_map(|row| matrix.row(row).map(move |it| (row, it.0, it.1)));
+            let kept = entries.filter(|it| it.1 >= it.0).map(|it| (it.0 as u32, it.1 as u32, it.2));
+            CsrMatrix::from_triplets(matrix.n_rows, matrix.n_cols, &kept.collect::<Vec<_>>())
+        };
+        let mut factor = SparseCholesky::new(&upper(&line(300, 1.0))).unwrap();
+        assert!(!factor.refactor(&upper(&line(300, -3.0))));
+        assert!(factor.refactor(&upper(&line(300, 0.01))));
+        let image = line(300, 0.01).mul_vec(exact.col_as_slice(0));
+        let mut right = Mat::from_fn(300, 1, |row, _| image[row]);
+        factor.solve_in_place(right.as_mut());
+        assert!((&right - &exact).norm_max() < 1e-8);
     }
 
     #[test]

@@ -7,6 +7,7 @@ mod check;
 mod clean;
 mod command;
 mod compare_regressors;
+mod contract;
 mod correspondences;
 mod decimate;
 mod deformation_error;
@@ -46,8 +47,10 @@ mod render_depth;
 mod retarget;
 mod rig;
 mod rooted_skeleton;
+mod scan;
 mod segment;
 mod simplify_skeleton;
+mod skeleton_error;
 mod skeletonize;
 mod skin_weights;
 mod snapshot;
@@ -68,6 +71,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<clean::Clean>(),
     NodeKind::open::<command::Command>(),
     NodeKind::of::<compare_regressors::CompareRegressors>(),
+    NodeKind::of::<contract::Contract>(),
     NodeKind::of::<correspondences::CorrespondencesNode>(),
     NodeKind::of::<decimate::Decimate>(),
     NodeKind::of::<deformation_error::DeformationErrorNode>(),
@@ -107,8 +111,10 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<retarget::RetargetNode>(),
     NodeKind::of::<rig::RigNode>(),
     NodeKind::of::<rooted_skeleton::RootedSkeleton>(),
+    NodeKind::of::<scan::Scan>(),
     NodeKind::of::<segment::Segment>(),
     NodeKind::of::<simplify_skeleton::SimplifySkeleton>(),
+    NodeKind::of::<skeleton_error::SkeletonError>(),
     NodeKind::of::<skeletonize::Skeletonize>(),
     NodeKind::of::<skin_weights::SkinWeightsNode>(),
     NodeKind::of::<snapshot::Snapshot>(),

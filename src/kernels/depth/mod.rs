@@ -8,6 +8,7 @@ pub mod files;
 pub mod film;
 pub mod mesh;
 pub mod noise;
+pub mod portrait;
 pub mod raster;
 pub mod read;
 pub mod segment;

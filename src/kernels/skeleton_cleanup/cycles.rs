@@ -11,11 +11,16 @@ use super::editor::Editor;
 /// False cycles appear where four and more curves meet in one place; those of true handles (a hand on
 /// the hip) collapse, too, and what is left is a forest.
 pub fn collapse_cycles(skeleton: &CurveSkeleton) -> CurveSkeleton {
+    collapse_short_cycles(skeleton, usize::MAX)
+}
+
+/// As [`collapse_cycles`], but only cycles of at most `max_nodes` nodes; longer ones stay.
+pub fn collapse_short_cycles(skeleton: &CurveSkeleton, max_nodes: usize) -> CurveSkeleton {
     if skeleton.n_cycles() == 0 {
         return skeleton.clone();
     }
     let mut editor = Editor::new(skeleton);
-    while let Some(cycle) = shortest_cycle(&editor) {
+    while let Some(cycle) = shortest_cycle(&editor).filter(|it| it.len() <= max_nodes) {
         let sum: Vec3 = cycle.iter().map(|&it| editor.positions[it as usize]).sum();
         editor.unite(&cycle, sum / cycle.len() as f64);
     }

@@ -52,6 +52,11 @@ impl Editor {
         self.radii[node as usize]
     }
 
+    /// How many vertices belong to a node.
+    pub fn n_vertices(&self, node: u32) -> usize {
+        self.n_vertices[node as usize]
+    }
+
     pub fn length(&self, a: u32, b: u32) -> f64 {
         (self.positions[a as usize] - self.positions[b as usize]).norm()
     }

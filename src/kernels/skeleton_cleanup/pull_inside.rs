@@ -44,7 +44,7 @@ pub fn pull_inside(skeleton: &CurveSkeleton, mesh: &TriMesh) -> CurveSkeleton {
 const CERTAIN: f64 = 0.95;
 
 /// Whether holes are small: area vectors add up to nothing over a closed surface.
-fn is_nearly_closed(mesh: &TriMesh) -> bool {
+pub(super) fn is_nearly_closed(mesh: &TriMesh) -> bool {
     let sum: Vec3 = (0..mesh.n_faces()).map(|it| mesh.area_vector(it)).sum();
     mesh.n_faces() > 0 && sum.norm() <= OPEN * mesh.area()
 }

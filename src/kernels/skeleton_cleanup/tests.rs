@@ -146,3 +146,15 @@ fn nothing_stays_nothing() {
     assert_eq!(connect_components(&drop_small_components(&nothing, 5)), nothing);
     assert_eq!(free_junctions(&nothing, &[Vec3::zeros(); 3]), nothing);
 }
+
+#[test]
+fn a_leaf_with_few_vertices_goes_to_the_next_node() {
+    let (points, edges) = path(4);
+    let start = skeleton(&points, 1.0, &edges);
+    let labels = [vec![0; 9], vec![1; 9], vec![2; 9], vec![3; 2]].concat();
+    let (places, radii) = (start.positions().to_vec(), start.radii().to_vec());
+    let start = CurveSkeleton::new(places, radii, start.edges().to_vec(), labels).unwrap();
+    let res = drop_slight_leaves(&start, 0.5);
+    assert_eq!((res.n_nodes(), res.vertices_of_nodes()[2].len()), (3, 11));
+    assert_eq!(drop_slight_leaves(&start, 0.2), start);
+}

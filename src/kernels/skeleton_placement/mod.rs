@@ -1,6 +1,7 @@
 //! Moving the nodes of a curve skeleton to the middle of the shape.
 
 mod block_system;
+mod boundaries;
 #[cfg(test)]
 mod tests;
 
@@ -10,6 +11,8 @@ use rayon::prelude::*;
 use super::curve_skeleton::{CurveSkeleton, CurveSkeletonError};
 use super::mesh::Vec3;
 use block_system::BlockSystem;
+
+pub use boundaries::place_by_boundaries;
 
 /// Weights of the energy.
 #[derive(Debug, Clone, PartialEq)]
