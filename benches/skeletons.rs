@@ -1,14 +1,18 @@
 //! CPU time of curve skeletons.
 //!
 //! `cargo bench --bench skeletons -- [runs=3] [threads=1] [sizes=5000,10000,30000] [plain=10000]
-//! [file=A.ply] [write=FOLDER]`: a mesh (or an uneven closed surface) is subdivided and decimated to every
-//! size, and its curve skeleton extracted by multi-scale local separators; up to `plain` vertices by
-//! plain ones, too. The least of several runs, in CPU seconds of the process. `write` leaves the
-//! meshes for `benches/peers/skeletons.py`, which prints the same lines for PyGEL3D.
+//! [file=A.ply] [write=FOLDER] [judge=FOLDER]`: a mesh (or an uneven closed surface) is subdivided and decimated to every
+//! size, and its curve skeleton extracted by multi-scale local separators, up to `plain` vertices by
+//! plain ones, too; and by contraction, of the mesh and of its vertices alone, as it is and by way of
+//! 5000 points. The least of several runs, in CPU seconds of the process; how much of the skeleton is
+//! inside and how far off the middle. `write` leaves the meshes for `benches/peers/skeletons.py`,
+//! which prints the same lines for PyGEL3D and skeletor, and its skeletons, which `judge=FOLDER`
+//! measures in the same way.
 
 use std::path::Path;
 use std::time::Instant;
 
+use sinew::kernels::contract::{ContractOptions, FinishOptions, coarse_contraction, finish};
 use sinew::kernels::curve_skeleton::CurveSkeleton;
 use sinew::kernels::decimate::{DecimateOptions, decimate};
 use sinew::kernels::io::gltf::GltfOptions;
@@ -16,8 +20,9 @@ use sinew::kernels::io::{obj, read::read_character};
 use sinew::kernels::local_separators::{
     LocalSeparatorsOptions, SpatialGraph, Variant, local_separators,
 };
-use sinew::kernels::mesh::TriMesh;
+use sinew::kernels::mesh::{TriMesh, Vec3};
 use sinew::kernels::shapes::bumpy_sphere;
+use sinew::kernels::skeleton_error::fit_of;
 use sinew::kernels::subdivide::{Scheme, subdivide};
 
 fn main() {
@@ -36,33 +41,91 @@ fn measure_all(arguments: &Arguments) {
             let path = Path::new(folder).join(format!("{size}.obj"));
             std::fs::write(path, obj::write_obj(&mesh)).expect("a writable folder");
         }
-        measure("multiscale", &mesh, Variant::Multiscale, arguments);
+        let separators = |variant| {
+            let options = LocalSeparatorsOptions { variant, ..Default::default() };
+            local_separators(&SpatialGraph::of_mesh(&mesh), &options)
+        };
+        measure("multiscale", &mesh, arguments, &|| separators(Variant::Multiscale));
         if size <= arguments.number("plain", 10_000) {
-            measure("plain", &mesh, Variant::Plain, arguments);
+            measure("plain", &mesh, arguments, &|| separators(Variant::Plain));
+        }
+        let cloud = TriMesh::from_points(mesh.vertices().to_vec()).expect("finite points");
+        for (name, shape) in [("contract", &mesh), ("contract_cloud", &cloud)] {
+            measure(name, &mesh, arguments, &|| contracted(shape, usize::MAX));
+            measure(&format!("{name}_5000"), &mesh, arguments, &|| contracted(shape, 5000));
+        }
+        if let Some(folder) = arguments.text("judge") {
+            judge(folder, size, &mesh);
         }
     }
 }
 
-fn measure(name: &str, mesh: &TriMesh, variant: Variant, arguments: &Arguments) {
-    let options = LocalSeparatorsOptions { variant, ..Default::default() };
+fn contracted(shape: &TriMesh, simplify_to: usize) -> CurveSkeleton {
+    let found = coarse_contraction(shape, simplify_to, &ContractOptions::default());
+    finish(&found.expect("a shape"), shape, &FinishOptions::default()).expect("labels and normals")
+}
+
+fn measure(name: &str, mesh: &TriMesh, arguments: &Arguments, extract: &dyn Fn() -> CurveSkeleton) {
     let (mut cpu, mut wall) = (f64::INFINITY, f64::INFINITY);
     let mut made = CurveSkeleton::default();
     for _ in 0..arguments.number("runs", 3).max(1) {
         let (clock, start) = (Instant::now(), cpu_secs());
-        made = local_separators(&SpatialGraph::of_mesh(mesh), &options);
+        made = extract();
         cpu = cpu.min(cpu_secs() - start);
         wall = wall.min(clock.elapsed().as_secs_f64());
     }
+    let n_threads = rayon::current_num_threads();
     println!(
-        "{name:10} n={} threads={} cpu={cpu:.3}s wall={wall:.3}s nodes={} leaves={} junctions={} \
-         cycles={}",
+        "{name:20} n={} threads={n_threads} cpu={cpu:.3}s wall={wall:.3}s {}",
         mesh.n_vertices(),
-        rayon::current_num_threads(),
-        made.n_nodes(),
-        made.leaves().len(),
-        made.junctions().len(),
-        made.n_cycles(),
+        quality(&made, mesh)
     );
+}
+
+fn quality(skeleton: &CurveSkeleton, mesh: &TriMesh) -> String {
+    let fit = fit_of(skeleton, mesh);
+    format!(
+        "nodes={} leaves={} junctions={} cycles={} inside={:.1}% off_center={:.3}",
+        skeleton.n_nodes(),
+        skeleton.leaves().len(),
+        skeleton.junctions().len(),
+        skeleton.n_cycles(),
+        100.0 * fit.inside,
+        fit.off_center,
+    )
+}
+
+/// Measures skeletons that other programs left as lines `v x y z` and `l from to`.
+fn judge(folder: &str, size: usize, mesh: &TriMesh) {
+    let mut files: Vec<_> = std::fs::read_dir(folder).expect("a folder").flatten().collect();
+    files.sort_by_key(std::fs::DirEntry::file_name);
+    for file in files {
+        let name = file.file_name().to_string_lossy().into_owned();
+        if let Some(who) = name.strip_suffix(&format!("_{size}.obj")) {
+            let text = std::fs::read_to_string(file.path()).expect("a readable file");
+            println!("{who:20} n={size} {}", quality(&read_curves(&text), mesh));
+        }
+    }
+}
+
+fn read_curves(text: &str) -> CurveSkeleton {
+    let (mut positions, mut edges) = (Vec::new(), Vec::new());
+    for line in text.lines() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words[..] {
+            ["v", x, y, z] => {
+                let [x, y, z] = [x, y, z].map(|it| it.parse().expect("a number"));
+                positions.push(Vec3::new(x, y, z));
+            }
+            ["l", from, to] => {
+                edges.push([from, to].map(|it| it.parse::<u32>().expect("a node") - 1));
+            }
+            _ => {}
+        }
+    }
+    edges.retain(|it: &[u32; 2]| it[0] != it[1]);
+    let radii = vec![0.0; positions.len()];
+    CurveSkeleton::new(positions, radii, edges, Vec::new()).expect("a graph")
 }
 
 /// The same shape with so many vertices.
