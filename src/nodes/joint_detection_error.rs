@@ -66,7 +66,7 @@ kind = "pose"
 mesh = "@body.mesh"
 skeleton = "@body.skeleton"
 weights = "@body.weights"
-turns = { left_forearm = [0, 0, 60] }
+turns = { left_leg = [60, 0, 0], right_leg = [40, 0, 0] }
 
 [nodes.score]
 kind = "joint_detection_error"

@@ -34,6 +34,9 @@ pub struct Joints {
     pub fork: f64,
     /// Branch nodes may be joints.
     pub at_forks: bool,
+    /// Put joints around a part that does not bend (hips, shoulders) where the axes of its limbs meet over
+    /// the poses, not on the curve.
+    pub centered: bool,
     /// A degree of freedom turns by more than this, in degrees (root of the mean square)…
     #[schemars(range(min = 0.0, max = 180.0))]
     pub min_spread: f64,
@@ -57,6 +60,7 @@ impl Default for Joints {
             tip: it.tip,
             fork: it.fork,
             at_forks: it.at_forks,
+            centered: it.is_centered,
             min_spread: it.min_spread,
             spread_share: it.spread_share,
             symmetric: it.is_symmetric,
@@ -111,6 +115,7 @@ clip = "@body.clip"
             tip: self.tip,
             fork: self.fork,
             at_forks: self.at_forks,
+            is_centered: self.centered,
             min_spread: self.min_spread,
             spread_share: self.spread_share,
             is_symmetric: self.symmetric,

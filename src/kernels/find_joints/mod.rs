@@ -1,6 +1,7 @@
 //! The joints of a figure, from its skeleton in several poses.
 
 mod bends;
+mod centers;
 mod chains;
 mod reduced;
 mod symmetry;
@@ -10,6 +11,7 @@ mod tests;
 use nalgebra::DMatrix;
 
 use self::bends::{Bend, bends};
+use self::centers::centers;
 use self::chains::{Chain, chains};
 pub use self::reduced::joint_skeleton;
 use self::symmetry::images;
@@ -27,6 +29,9 @@ pub struct JointOptions {
     pub fork: f64,
     /// Whether branch nodes may be joints.
     pub at_forks: bool,
+    /// Put joints around a part that does not bend where the axes of its limbs meet over the poses, not on
+    /// the curve.
+    pub is_centered: bool,
     /// A joint bends by more than this, in degrees.
     pub min_angle: f64,
     /// Joints of one branch are at least so many windows apart.
@@ -48,6 +53,7 @@ impl Default for JointOptions {
             tip: 2.5,
             fork: 0.5,
             at_forks: false,
+            is_centered: true,
             min_angle: 25.0,
             separation: 1.0,
             min_spread: 5.0,
@@ -116,7 +122,12 @@ pub fn find_joints(
     let bends = bends(&chains, poses.len(), window);
     let chosen = greatest(&chains, &bends, window, options, options.separation * window);
     let mut joints: Vec<Joint> =
-        chosen.into_iter().map(|it| joint(skeleton, &chains, it, options)).collect();
+        chosen.iter().map(|it| joint(skeleton, &chains, it, options)).collect();
+    if options.is_centered && window > 0.0 {
+        for (joint, position) in joints.iter_mut().zip(centers(&chains, &chosen, window)) {
+            joint.position = position;
+        }
+    }
     if options.is_symmetric {
         let found = images(skeleton, &joints, options.symmetry_rating);
         let least = (options.separation * window).max(1e-9 * extent);

@@ -163,3 +163,61 @@ fn odd_skeletons_have_no_joints() {
     let error = find_joints(&point, &[vec![]], &options).unwrap_err();
     assert_eq!(error.to_string(), "pose 0 has 0 joints, but the skeleton 1");
 }
+
+#[test]
+fn hips_beside_the_curve_are_found_from_the_legs() {
+    // The curve of each leg begins at the pelvis and joins the leg's axis below the hip.
+    let (hip, corner) = ([0.15, 1.0], [0.15, 0.85]);
+    let leg = |side: f64, swing: f64| -> Vec<Vec3> {
+        let turn = UnitQuaternion::new(Vec3::x() * swing);
+        let center = Vec3::new(side * hip[0], hip[1], 0.0);
+        let at = |y: f64| center + turn * (Vec3::new(side * corner[0], y, 0.0) - center);
+        let mut points: Vec<Vec3> = (1..6)
+            .map(|it| Vec3::new(0.0, 0.95, 0.0).lerp(&at(corner[1]), f64::from(it) / 6.0))
+            .collect();
+        points.extend((0..=20).map(|it| at(corner[1] - 0.8 * f64::from(it) / 20.0)));
+        points
+    };
+    let arm = |side: f64, lift: f64| -> Vec<Vec3> {
+        let turn = UnitQuaternion::new(Vec3::z() * lift * side);
+        let shoulder = Vec3::new(side * 0.2, 1.5, 0.0);
+        let mut points: Vec<Vec3> = (1..6)
+            .map(|it| Vec3::y() * 1.5 + Vec3::x() * side * 0.2 * f64::from(it) / 6.0)
+            .collect();
+        points
+            .extend((0..=20).map(|it| shoulder + turn * (Vec3::x() * side * 0.04 * f64::from(it))));
+        points
+    };
+    let figure = |swings: [f64; 2], lifts: [f64; 2]| -> Vec<Vec3> {
+        let mut points: Vec<Vec3> =
+            (0..=11).map(|it| Vec3::y() * (0.95 + 0.05 * f64::from(it))).collect();
+        points.extend((1..8).map(|it| Vec3::y() * (1.5 + 0.05 * f64::from(it))));
+        points.extend([leg(1.0, swings[0]), leg(-1.0, swings[1])].concat());
+        points.extend([arm(1.0, lifts[0]), arm(-1.0, lifts[1])].concat());
+        points
+    };
+    let mut parents: Vec<Option<usize>> = (0..19_usize).map(|it| it.checked_sub(1)).collect();
+    for start in [0, 0, 11, 11] {
+        for step in 0..26 {
+            parents.push(Some(if step == 0 { start } else { parents.len() - 1 }));
+        }
+    }
+    let rest = figure([0.0; 2], [0.0; 2]);
+    let names = (0..rest.len()).map(|it| format!("n{it}")).collect();
+    let skeleton = Skeleton::new(names, parents, rest.clone()).unwrap();
+    let poses = [
+        rest,
+        figure([-0.9, 0.2], [0.5, -0.4]),
+        figure([0.4, -1.1], [-0.7, 0.3]),
+        figure([-0.5, -0.6], [0.9, 0.8]),
+    ];
+    let distance = |is_centered: bool| {
+        let options = JointOptions { is_centered, is_symmetric: false, ..Default::default() };
+        let joints = find_joints(&skeleton, &poses, &options).unwrap();
+        let hip = Vec3::new(hip[0], hip[1], 0.0);
+        let distances = joints.iter().map(|it| (it.position - hip).norm());
+        distances.fold(f64::INFINITY, f64::min)
+    };
+    let (on_curve, centered) = (distance(false), distance(true));
+    assert!(on_curve > 0.1 && centered < 0.03, "{on_curve} {centered}");
+}

@@ -6,6 +6,7 @@ mod graph;
 mod matched;
 mod plan;
 mod rating;
+mod record;
 mod search;
 #[cfg(test)]
 mod tests;

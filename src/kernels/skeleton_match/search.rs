@@ -1,10 +1,10 @@
 //! Backtracking with bounds.
 
+use super::MatchOptions;
 use super::candidates::{Candidate, Way};
 use super::collapse::Collapsed;
 use super::plan::{Plan, plan};
 use super::rating::{Rating, least_distance};
-use super::{MatchOptions, second_rating};
 use crate::kernels::mesh::Vec3;
 
 /// The image of a node that has none.
@@ -53,10 +53,10 @@ pub(super) enum Decision {
 
 /// What a branch of the search has come to.
 #[derive(Debug, Clone, Copy)]
-struct State {
+pub(super) struct State {
     index: usize,
     /// The first rating if nothing more is matched.
-    cost: f64,
+    pub cost: f64,
     /// The sizes of branches that are not decided yet, of both sides.
     open: [f64; 2],
     /// The sum of distances of matched places.
@@ -81,11 +81,11 @@ pub(super) struct Search<'a> {
     pub is_used: Vec<bool>,
     pub is_branch_used: Vec<bool>,
     n_steps: usize,
-    goal: Goal,
+    pub(super) goal: Goal,
 }
 
 /// What is looked for.
-enum Goal {
+pub(super) enum Goal {
     Least { least: f64 },
     All { bound: f64, best: Vec<Found>, n_found: usize },
 }
@@ -273,64 +273,6 @@ impl<'a> Search<'a> {
         for &branch in candidate.way.branches().iter().chain(closing) {
             self.is_branch_used[branch as usize] = is_used;
         }
-    }
-
-    /// Takes down a match. Returns false if there are enough.
-    fn record(&mut self, state: &State) -> bool {
-        let axis = self.options.turn_axis.as_ref();
-        let first_rating = state.cost.max(0.0);
-        if let Goal::Least { least } = &mut self.goal {
-            *least = least.min(first_rating);
-            return true;
-        }
-        let second = second_rating(self.small, self.large, &self.image, axis);
-        let found = Found {
-            image: self.image.clone(),
-            ways: Vec::new(),
-            first_rating,
-            second_rating: second,
-        };
-        let order = |it: &Found| {
-            let ratings = (it.second_rating, it.first_rating);
-            let by_rating = ratings.0.total_cmp(&found.second_rating);
-            let by_rating = by_rating.then(ratings.1.total_cmp(&found.first_rating));
-            by_rating.then_with(|| it.image.cmp(&found.image))
-        };
-        let Goal::All { best, n_found, .. } = &self.goal else { return true };
-        let is_last = n_found + 1 >= self.options.max_matches;
-        let place = best.partition_point(|it| order(it).is_lt());
-        let is_kept = place < self.options.n_kept;
-        let made = is_kept.then(|| Found { ways: self.matched_ways(), ..found });
-        let Goal::All { best, n_found, .. } = &mut self.goal else { return true };
-        *n_found += 1;
-        if let Some(made) = made {
-            best.insert(place, made);
-            best.truncate(self.options.n_kept);
-        }
-        !is_last
-    }
-
-    /// The branches of the present match.
-    fn matched_ways(&self) -> Vec<MatchedWay> {
-        let mut ways = Vec::new();
-        for &node in &self.plan.order {
-            if self.decisions[node as usize] != Decision::Mapped {
-                continue;
-            }
-            if let Some((anchor, own)) = self.anchor(node).filter(|it| !it.1.is_empty()) {
-                let theirs = self.ways[node as usize].branches().to_vec();
-                if !theirs.is_empty() {
-                    let from = [anchor, self.image[anchor as usize]];
-                    ways.push(MatchedWay { from, branches: [own, theirs] });
-                }
-            }
-        }
-        let closing = self
-            .closing
-            .iter()
-            .map(|&(from, [own, theirs])| MatchedWay { from, branches: [vec![own], vec![theirs]] });
-        ways.extend(closing);
-        ways
     }
 
     /// The matched node that a node hangs on, and the branches from there; none for a start.
