@@ -27,6 +27,7 @@ pub mod deformation_error;
 pub mod degrade;
 pub mod depth;
 pub mod descriptors;
+pub mod direction_error;
 pub mod distance_field;
 pub mod dual_quaternion;
 pub mod edge_weights;
@@ -114,6 +115,7 @@ pub mod transfer_weights;
 pub mod triangle_tree;
 pub mod tufted;
 pub mod weights;
+pub mod weights_error;
 pub mod winding;
 pub mod zoomout;
 

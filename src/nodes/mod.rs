@@ -13,6 +13,7 @@ mod deformation_error;
 mod degrade;
 mod depth_mesh;
 mod descriptors;
+mod direction_error;
 mod download;
 mod eigs;
 mod embed;
@@ -64,6 +65,7 @@ mod table_file;
 mod transfer;
 mod transfer_animation;
 mod transfer_weights;
+mod weights_error;
 mod zoomout;
 
 /// Every kind. Keep sorted by name.
@@ -79,6 +81,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<degrade::Degrade>(),
     NodeKind::of::<depth_mesh::DepthMesh>(),
     NodeKind::of::<descriptors::DescriptorsNode>(),
+    NodeKind::of::<direction_error::DirectionErrorNode>(),
     NodeKind::of::<download::Download>(),
     NodeKind::of::<eigs::Eigs>(),
     NodeKind::of::<embed::EmbedNode>(),
@@ -130,5 +133,6 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<transfer::Transfer>(),
     NodeKind::of::<transfer_animation::TransferAnimationNode>(),
     NodeKind::of::<transfer_weights::TransferWeights>(),
+    NodeKind::of::<weights_error::WeightsErrorNode>(),
     NodeKind::of::<zoomout::ZoomOut>(),
 ];
