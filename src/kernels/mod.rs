@@ -30,6 +30,7 @@ pub mod degrade;
 pub mod delaunay_stars;
 pub mod depth;
 pub mod descriptors;
+pub mod direction_error;
 pub mod distance_field;
 pub mod dual_quaternion;
 pub mod edge_weights;
@@ -128,6 +129,7 @@ pub mod triangle_tree;
 pub mod tufted;
 pub mod union_skeleton;
 pub mod weights;
+pub mod weights_error;
 pub mod winding;
 pub mod zoomout;
 

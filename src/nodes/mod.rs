@@ -14,6 +14,7 @@ mod deformation_error;
 mod degrade;
 mod depth_mesh;
 mod descriptors;
+mod direction_error;
 mod download;
 mod eigs;
 mod embed;
@@ -77,6 +78,7 @@ mod transfer;
 mod transfer_animation;
 mod transfer_weights;
 mod union_skeleton;
+mod weights_error;
 mod zoomout;
 
 /// Every kind. Keep sorted by name.
@@ -93,6 +95,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<degrade::Degrade>(),
     NodeKind::of::<depth_mesh::DepthMesh>(),
     NodeKind::of::<descriptors::DescriptorsNode>(),
+    NodeKind::of::<direction_error::DirectionErrorNode>(),
     NodeKind::of::<download::Download>(),
     NodeKind::of::<eigs::Eigs>(),
     NodeKind::of::<embed::EmbedNode>(),
@@ -156,5 +159,6 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<transfer_animation::TransferAnimationNode>(),
     NodeKind::of::<transfer_weights::TransferWeights>(),
     NodeKind::of::<union_skeleton::UnionSkeleton>(),
+    NodeKind::of::<weights_error::WeightsErrorNode>(),
     NodeKind::of::<zoomout::ZoomOut>(),
 ];

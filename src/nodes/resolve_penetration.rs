@@ -28,7 +28,7 @@ pub struct ResolvePenetrationNode {
     /// How often all crossing groups of a frame are gone through at most.
     #[schemars(range(min = 0, max = 1000))]
     pub max_sweeps: usize,
-    /// The largest angle, in degrees, by which joints may turn from rest: `{ left_fore_arm = 150 }`.
+    /// The largest angle, in degrees, by which joints may turn from rest: `{ left_forearm = 150 }`.
     pub limits_deg: BTreeMap<String, f64>,
     /// Rotations that are set by hand, and not changed.
     #[schemars(length(max = 100_000))]
@@ -117,8 +117,8 @@ n_vertices = 1000
 [nodes.stout]
 kind = "synthesize"
 n_vertices = 1000
-girth = 1.3
-stance = "t"
+girth = 1.25
+pose = "t"
 
 [nodes.map]
 kind = "segments_by_name"
@@ -138,7 +138,7 @@ mesh = "@stout.mesh"
 skeleton = "@stout.skeleton"
 weights = "@stout.weights"
 clip = "@walk"
-limits_deg = { left_fore_arm = 120 }
+limits_deg = { left_forearm = 120 }
 set = [{ frame = 2, joint = "head", rotation_deg = [0, 20, 0] }]
 "#,
     };

@@ -31,6 +31,9 @@ pub struct SkeletonTextureNode {
     /// Whether angles around a bone are shifted, in steps of 22.5 degrees, where the shapes of both
     /// bodies say so. Otherwise only the skeletons' rest poses do.
     pub correct_phase: bool,
+    /// Steps of diffusion over the target's edges, which close seams between rectangles.
+    #[schemars(range(min = 0, max = 1000))]
+    pub smoothing: usize,
     /// The joints kept a vertex, the heaviest; 0 for all.
     #[schemars(range(min = 0, max = 64))]
     pub max_influences: usize,
@@ -46,6 +49,7 @@ impl Default for SkeletonTextureNode {
             resolution: it.resolution,
             texels: it.texels,
             correct_phase: it.correct_phase,
+            smoothing: it.smoothing,
             max_influences: it.max_influences,
             least_covered: it.least_covered,
         }
@@ -94,7 +98,7 @@ n_vertices = 1000
 kind = "synthesize"
 n_vertices = 1000
 seed = 1
-stance = "t"
+pose = "t"
 
 [nodes.map]
 kind = "segments_by_name"
@@ -121,6 +125,7 @@ resolution = 256
             resolution: self.resolution,
             texels: self.texels,
             correct_phase: self.correct_phase,
+            smoothing: self.smoothing,
             max_influences: self.max_influences,
             least_covered: self.least_covered,
             ..Default::default()

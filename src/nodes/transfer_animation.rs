@@ -27,6 +27,10 @@ pub struct TransferAnimationNode {
     /// the source's have at rest. Otherwise they turn from their own rest directions, which is right
     /// where both rest poses are meant to be the same and bones lie differently in the bodies.
     pub align_rest: bool,
+    /// Bones shorter than this share of the mean bone are not turned by themselves: where joints nearly
+    /// coincide, the direction from one to the other means nothing.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub least_bone: f64,
     /// Where the root is.
     pub root: RootPath,
     /// Bones that are turned by more at rest, in degrees, are told in a note.
@@ -36,8 +40,8 @@ pub struct TransferAnimationNode {
 
 impl Default for TransferAnimationNode {
     fn default() -> Self {
-        let TransferAnimationOptions { align_rest, root } = TransferAnimationOptions::default();
-        Self { align_rest, root, warn_above_deg: 60.0 }
+        let TransferAnimationOptions { align_rest, least_bone, root } = Default::default();
+        Self { align_rest, least_bone, root, warn_above_deg: 60.0 }
     }
 }
 
@@ -140,7 +144,7 @@ n_vertices = 1000
 kind = "synthesize"
 n_vertices = 1000
 seed = 1
-stance = "t"
+pose = "t"
 
 [nodes.map]
 kind = "segments_by_name"
@@ -160,7 +164,8 @@ root = "grounded"
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
         let (source, clip) = (io.get(Self::SOURCE), io.get(Self::CLIP));
         let (target, map) = (io.get(Self::TARGET), io.get(Self::MAP));
-        let options = TransferAnimationOptions { align_rest: self.align_rest, root: self.root };
+        let (align_rest, least_bone, root) = (self.align_rest, self.least_bone, self.root);
+        let options = TransferAnimationOptions { align_rest, least_bone, root };
         let res = transfer_animation(&source, &clip, &target, &map, &options)?;
         Self::note_stiff(io, &target, &map);
         self.note_angles(io, &target, &res.rest_angles_rad);

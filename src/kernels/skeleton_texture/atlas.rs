@@ -60,8 +60,7 @@ impl<'a> Atlas<'a> {
     /// Writes values of vertices (by channel) to the rectangle of every bone; `None` where a bone has no
     /// vertices.
     ///
-    /// Triangles of one bone come first, then its vertices that hit no texel, then what is left of
-    /// triangles across bones.
+    /// Triangles across bones are written to all of them, so that rectangles fit together.
     pub fn write(&self, values: &[Vec<(u32, f64)>]) -> Vec<Option<Rectangle>> {
         let bone_of = &self.assignment.bone_of_vertex;
         let mut faces: Vec<Vec<[u32; 3]>> = vec![Vec::new(); self.bones.len()];
@@ -94,21 +93,13 @@ impl<'a> Atlas<'a> {
         channels.sort_unstable();
         channels.dedup();
         let mut writer = Writer::new(self.grid(index), channels);
-        let is_own = |it: &u32| self.assignment.bone_of_vertex[*it as usize] as usize == index;
-        let corner = |vertex: &u32| Corner {
-            place: bone.place(self.mesh.vertices()[*vertex as usize]),
-            values: &values[*vertex as usize],
-            is_own: is_own(vertex),
+        let corner = |vertex: &u32| -> Corner<'_> {
+            (bone.place(self.mesh.vertices()[*vertex as usize]), &values[*vertex as usize])
         };
-        let (inner, across): (Vec<&[u32; 3]>, Vec<&[u32; 3]>) =
-            faces.iter().partition(|it| it.iter().all(is_own));
-        let free = |writer: &Writer| writer.written().iter().map(|it| !it).collect::<Vec<bool>>();
-        let everywhere = free(&writer);
-        inner.iter().for_each(|it| writer.triangle(bone, it.each_ref().map(corner), &everywhere));
-        let left = free(&writer);
-        vertices.iter().for_each(|it| writer.dot(corner(it), &left));
-        let left = free(&writer);
-        across.iter().for_each(|it| writer.triangle(bone, it.each_ref().map(corner), &left));
+        for face in faces {
+            writer.triangle(bone, face.each_ref().map(corner));
+        }
+        vertices.iter().for_each(|it| writer.dot(corner(it)));
         writer.finish()
     }
 

@@ -4,7 +4,7 @@ use crate::kernels::kabsch::shortest_arc;
 use crate::kernels::mesh::Vec3;
 use crate::kernels::segment_map::SegmentMap;
 use crate::kernels::skeleton::Skeleton;
-use crate::kernels::transfer_animation::align_rest;
+use crate::kernels::transfer_animation::{LEAST_BONE, align_rest};
 use crate::kernels::triangle_tree::TriangleTree;
 
 /// A segment of a skeleton.
@@ -76,7 +76,7 @@ pub fn follow_references(
     (source, source_skeleton): (&[Bone], &Skeleton),
     map: &SegmentMap,
 ) {
-    let (alignment, _) = align_rest(source_skeleton, skeleton, map.segments());
+    let (alignment, _) = align_rest(source_skeleton, skeleton, map.segments(), LEAST_BONE);
     let mut frames: Vec<Option<(Vec3, Vec3)>> = vec![None; skeleton.n_joints()];
     for bone in target {
         let followed = bone.end.and_then(|end| {

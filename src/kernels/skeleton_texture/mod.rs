@@ -6,6 +6,7 @@ mod bones;
 mod copy;
 mod pack;
 mod phase;
+mod read;
 mod rectangle;
 #[cfg(test)]
 mod tests;
@@ -14,9 +15,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::atlas::Atlas;
-use self::bones::{Bone, bones, follow_references};
+use self::bones::{bones, follow_references};
 use self::copy::{Copy, Piece, pieces};
 use self::phase::best_shift;
+use self::read::{Copied, Reader};
 use self::rectangle::Rectangle;
 use super::image::Image;
 use super::limit_influences::limit_influences;
@@ -24,6 +26,7 @@ use super::mesh::{MeshError, TriMesh};
 use super::segment_map::SegmentMap;
 use super::skeleton::Skeleton;
 use super::skin_weights::{SkinWeightsError, SkinWeightsOptions, skin_weights};
+use super::transfer_weights::smooth::{Neighbours, diffuse};
 use super::triangle_tree::TriangleTree;
 use super::weights::{SkinWeights, WeightsError};
 
@@ -47,6 +50,8 @@ pub struct SkeletonTextureOptions {
     pub texels: Texels,
     /// Whether each bone's angles are shifted so that the surfaces around both bones fit best.
     pub correct_phase: bool,
+    /// Steps of diffusion over the target's edges, which close seams between rectangles.
+    pub smoothing: usize,
     /// The joints kept a vertex, the heaviest; 0 for all.
     pub max_influences: usize,
     /// Smaller weights are dropped.
@@ -62,9 +67,10 @@ impl Default for SkeletonTextureOptions {
             resolution: 1024,
             texels: Texels::default(),
             correct_phase: false,
+            smoothing: 1,
             max_influences: 0,
             least_weight: 1e-4,
-            least_covered: 0.8,
+            least_covered: 0.5,
         }
     }
 }
@@ -165,7 +171,7 @@ pub fn skeleton_texture(
     let weights = if fell_back {
         skin_weights(target_mesh, target, &SkinWeightsOptions::default())?.weights
     } else {
-        reader.weights(options)?
+        smoothed(reader.weights(options)?, target_mesh, options)?
     };
     let weights = match options.max_influences {
         0 => weights,
@@ -175,6 +181,27 @@ pub fn skeleton_texture(
     let n_inherited = pieces.iter().filter(|it| it.is_empty()).count();
     let n_shifted = shifts.iter().filter(|&&it| it != 0.0).count();
     Ok(SkeletonTexture { weights, source, target, fell_back, n_inherited, n_shifted })
+}
+
+fn smoothed(
+    weights: SkinWeights,
+    mesh: &TriMesh,
+    options: &SkeletonTextureOptions,
+) -> Result<SkinWeights, WeightsError> {
+    if options.smoothing == 0 {
+        return Ok(weights);
+    }
+    let mut columns = vec![vec![0.0; weights.n_vertices()]; weights.n_joints()];
+    for vertex in 0..weights.n_vertices() {
+        weights.row(vertex).for_each(|(joint, it)| columns[joint as usize][vertex] = it);
+    }
+    diffuse(&Neighbours::of(mesh), &mut columns, options.smoothing);
+    let row = |vertex: usize| {
+        let of = columns.iter().enumerate().map(|(joint, it)| (joint as u32, it[vertex]));
+        of.filter(|it| it.1 >= options.least_weight).collect::<Vec<_>>()
+    };
+    let rows: Vec<_> = (0..weights.n_vertices()).map(row).collect();
+    SkinWeights::from_rows(weights.n_joints(), &rows)
 }
 
 fn check(
@@ -238,112 +265,4 @@ fn shifts(
         Some(best_shift(&copy.rectangle(pieces, target.grid(index), false), own))
     };
     pieces.iter().enumerate().map(|it| of_bone(it).unwrap_or(0.0)).collect()
-}
-
-/// The target's rectangles, with weights of the source's joints.
-struct Copied {
-    rectangles: Vec<Option<Rectangle>>,
-    /// By target bone: the bone whose rectangle is read, itself or one above.
-    read_from: Vec<Option<usize>>,
-    /// By target bone: the joint of the source that moves the bone that it follows.
-    mover: Vec<Option<usize>>,
-    nearest: bool,
-}
-
-impl Copied {
-    fn new(
-        source: &Atlas<'_>,
-        target: &Atlas<'_>,
-        drawn: &[Option<Rectangle>],
-        pieces: &[Vec<Piece>],
-        shifts: &[f64],
-        options: &SkeletonTextureOptions,
-    ) -> Self {
-        let nearest = options.texels == Texels::TopFour;
-        let rectangle = |index: usize| {
-            let shift = shifts[index];
-            let copy = Copy { source_bones: &source.bones, rectangles: drawn, shift };
-            let of = &pieces[index];
-            (!of.is_empty()).then(|| copy.rectangle(of, target.grid(index), nearest))
-        };
-        let rectangles: Vec<Option<Rectangle>> = (0..pieces.len()).map(rectangle).collect();
-        let above = |bone: usize| {
-            let joint = target.bones[bone].joint;
-            target.bones.iter().position(|it| it.end == Some(joint))
-        };
-        let read_from = |bone: usize| {
-            std::iter::successors(Some(bone), |&it| above(it)).find(|&it| rectangles[it].is_some())
-        };
-        let mover = |of: &Vec<Piece>| of.last().map(|it| source.bones[it.bone].joint);
-        Self {
-            read_from: (0..pieces.len()).map(read_from).collect(),
-            mover: pieces.iter().map(mover).collect(),
-            rectangles,
-            nearest,
-        }
-    }
-
-    /// Weights of the source's joints at a place around a target's bone, and the bone that they are from.
-    fn read(&self, bone: usize, along: f64, around: f64) -> Option<(usize, Vec<(u32, f64)>)> {
-        let from = self.read_from[bone]?;
-        let along = if from == bone { along } else { 1.0 };
-        let rectangle = self.rectangles[from].as_ref().expect("it is read from bones with one");
-        let values = match self.nearest {
-            true => rectangle.nearest(along, around).to_vec(),
-            false => rectangle.sample(along, around),
-        };
-        Some((from, rectangle.channels.iter().copied().zip(values).collect()))
-    }
-}
-
-/// What turns texels into weights of the target's joints.
-struct Reader<'a> {
-    source: &'a Skeleton,
-    target: &'a Skeleton,
-    map: &'a SegmentMap,
-    atlas: &'a Atlas<'a>,
-    copied: &'a Copied,
-}
-
-impl Reader<'_> {
-    fn weights(&self, options: &SkeletonTextureOptions) -> Result<SkinWeights, WeightsError> {
-        let namesakes = self.joints_of_source();
-        let row = |vertex: usize| {
-            let bone = self.atlas.assignment.bone_of_vertex[vertex] as usize;
-            let place = self.atlas.place(vertex);
-            let Some((from, texel)) = self.copied.read(bone, place.along, place.around) else {
-                return vec![(self.atlas.bones[bone].joint as u32, 1.0)];
-            };
-            let own = self.atlas.bones[from].joint;
-            let joint = |source: u32| match self.copied.mover[from] == Some(source as usize) {
-                true => own,
-                false => namesakes[source as usize],
-            };
-            let mut row: Vec<(u32, f64)> =
-                texel.iter().map(|&(source, weight)| (joint(source) as u32, weight)).collect();
-            let sum: f64 = row.iter().map(|it| it.1).sum();
-            row.retain(|it| it.1 >= options.least_weight * sum);
-            row
-        };
-        let rows: Vec<_> = (0..self.atlas.mesh.n_vertices()).map(row).collect();
-        SkinWeights::from_rows(self.target.n_joints(), &rows)
-    }
-
-    /// The target's joint for every one of the source's: where a bone of the target ends together with
-    /// the source's, or ends last on it; otherwise that of the joint above; the first root for the rest.
-    fn joints_of_source(&self) -> Vec<usize> {
-        let mut res: Vec<usize> = Vec::with_capacity(self.source.n_joints());
-        for (joint, parent) in self.source.parents().iter().enumerate() {
-            let mut best: Option<(usize, f64)> = None;
-            for (target, segment) in self.map.segments().iter().enumerate() {
-                let Some(it) = segment.filter(|it| it.source as usize == joint) else { continue };
-                if best.is_none_or(|best| it.to > best.1) {
-                    best = Some((target, it.to));
-                }
-            }
-            let above = parent.map_or(0, |it| res[it]);
-            res.push(best.map_or(above, |it| it.0));
-        }
-        res
-    }
 }

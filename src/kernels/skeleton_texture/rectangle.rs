@@ -24,24 +24,17 @@ pub struct Grid {
 }
 
 /// A corner of a triangle: where it is, and its values by channel.
-#[derive(Clone, Copy)]
-pub struct Corner<'a> {
-    pub place: Place,
-    pub values: &'a [(u32, f64)],
-    /// Whether it belongs to the bone, not only its triangle.
-    pub is_own: bool,
-}
+pub type Corner<'a> = (Place, &'a [(u32, f64)]);
 
-/// Sums of what has been written.
+/// A rectangle that is written.
+///
+/// Where surfaces lie over each other, that is taken which is nearest to the axis: it is the one that the
+/// bone sees.
 pub struct Writer {
     rectangle: Rectangle,
-    /// By texel: how much has been written there.
-    amounts: Vec<f64>,
+    /// By texel: the distance from the axis of what is written there.
+    depths: Vec<f64>,
 }
-
-/// Where surfaces lie over each other, that is taken most which is nearest to the bone's own vertices:
-/// its share of them to this power.
-const SHARPNESS: i32 = 8;
 
 impl Grid {
     /// The middle of a row, along the bone.
@@ -117,42 +110,37 @@ impl Writer {
     pub fn new(grid: Grid, channels: Vec<u32>) -> Self {
         let n_texels = grid.n_rows * grid.n_columns;
         let values = vec![0.0; n_texels * channels.len()];
-        Self { rectangle: Rectangle { grid, channels, values }, amounts: vec![0.0; n_texels] }
+        Self {
+            rectangle: Rectangle { grid, channels, values },
+            depths: vec![f64::INFINITY; n_texels],
+        }
     }
 
-    /// Which texels hold something.
-    pub fn written(&self) -> Vec<bool> {
-        self.amounts.iter().map(|&it| it > 0.0).collect()
-    }
-
-    /// Writes a vertex to the texel that it is in, if that is one of `where_free`.
-    pub fn dot(&mut self, corner: Corner<'_>, where_free: &[bool]) {
-        let place = corner.place;
+    /// Writes a vertex to the texel that it is in.
+    pub fn dot(&mut self, corner: Corner<'_>) {
         let grid = self.rectangle.grid;
-        let row = grid.row_of(place.along).floor();
+        let row = grid.row_of(corner.0.along).floor();
         if row >= 0.0 && row <= grid.n_rows as f64 {
             let row = (row as usize).min(grid.n_rows - 1);
-            let column = (place.around * grid.n_columns as f64) as usize % grid.n_columns;
-            if where_free[row * grid.n_columns + column] {
-                self.add(row, column, &[(1.0, corner)]);
-            }
+            let column = (corner.0.around * grid.n_columns as f64) as usize % grid.n_columns;
+            self.set(row, column, [(1.0, corner), (0.0, corner), (0.0, corner)]);
         }
     }
 
-    /// Writes a triangle to all texels whose middles it covers, if they are of `where_free`: by
-    /// barycentric interpolation on the unrolled plane, across the seam where need be.
+    /// Writes a triangle to all texels whose middles it covers: by barycentric interpolation on the
+    /// unrolled plane, across the seam where need be.
     ///
     /// A triangle that the axis passes through covers all angles, and is written point by point.
-    pub fn triangle(&mut self, bone: &Bone, corners: [Corner<'_>; 3], where_free: &[bool]) {
+    pub fn triangle(&mut self, bone: &Bone, corners: [Corner<'_>; 3]) {
         let grid = self.rectangle.grid;
-        let first = corners[0].place.around;
-        let turn = |it: &Corner<'_>| it.place.around - (it.place.around - first).round();
+        let first = corners[0].0.around;
+        let turn = |it: &Corner<'_>| it.0.around - (it.0.around - first).round();
         let turns = [0, 1, 2].map(|it| turn(&corners[it]));
         if (turns[1] - turns[2]).abs() > 0.5 {
-            return self.cap(bone, corners, where_free);
+            return self.cap(bone, corners);
         }
         let x = turns.map(|it| it * grid.n_columns as f64);
-        let y = corners.map(|it| grid.row_of(it.place.along));
+        let y = corners.map(|it| grid.row_of(it.0.along));
         let determinant = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]);
         if determinant.abs() < 1e-12 {
             return;
@@ -174,18 +162,16 @@ impl Writer {
                     continue;
                 }
                 let column = column.rem_euclid(grid.n_columns as isize) as usize;
-                if where_free[row as usize * grid.n_columns + column] {
-                    let [p, q, r] = corners;
-                    self.add(row as usize, column, &[(a, p), (b, q), (c, r)]);
-                }
+                let [p, q, r] = corners;
+                self.set(row as usize, column, [(a, p), (b, q), (c, r)]);
             }
         }
     }
 
-    fn cap(&mut self, bone: &Bone, corners: [Corner<'_>; 3], where_free: &[bool]) {
+    fn cap(&mut self, bone: &Bone, corners: [Corner<'_>; 3]) {
         const STEPS: usize = 24;
         let grid = self.rectangle.grid;
-        let points = corners.map(|it| bone.point(it.place));
+        let points = corners.map(|it| bone.point(it.0));
         for i in 0..=STEPS {
             for j in 0..=STEPS - i {
                 let [b, c] = [i, j].map(|it| it as f64 / STEPS as f64);
@@ -196,43 +182,43 @@ impl Writer {
                     continue;
                 }
                 let column = (place.around * grid.n_columns as f64) as usize % grid.n_columns;
-                if where_free[row as usize * grid.n_columns + column] {
-                    let [p, q, r] = corners;
-                    self.add(row as usize, column, &[(a, p), (b, q), (c, r)]);
-                }
+                let [p, q, r] = corners;
+                self.set(row as usize, column, [(a, p), (b, q), (c, r)]);
             }
         }
     }
 
-    fn add(&mut self, row: usize, column: usize, parts: &[(f64, Corner<'_>)]) {
+    /// Writes a mean of corners to a texel if it is nearer to the axis than what is there.
+    fn set(&mut self, row: usize, column: usize, parts: [(f64, Corner<'_>); 3]) {
         let rectangle = &mut self.rectangle;
         let texel = row * rectangle.grid.n_columns + column;
-        let first = texel * rectangle.channels.len();
-        let own: f64 = parts.iter().filter(|it| it.1.is_own).map(|it| it.0.max(0.0)).sum();
-        let amount = own.powi(SHARPNESS).max(1e-12);
-        self.amounts[texel] += amount;
-        for (share, corner) in parts {
-            for (channel, value) in corner.values {
+        let depth: f64 = parts.iter().map(|(share, corner)| share * corner.0.radius).sum();
+        if depth >= self.depths[texel] {
+            return;
+        }
+        self.depths[texel] = depth;
+        let n = rectangle.channels.len();
+        let values = &mut rectangle.values[texel * n..(texel + 1) * n];
+        values.fill(0.0);
+        for (share, (_, corner)) in parts {
+            for (channel, value) in corner {
                 let at = rectangle.channels.binary_search(channel).expect("all are listed");
-                rectangle.values[first + at] += amount * share * value;
+                values[at] += share * value;
             }
         }
     }
 
-    /// The means of what was written, and holes filled: around the bone between the nearest written
+    /// What was written, and holes filled: around the bone between the nearest written
     /// texels, then whole rows from the nearest row. `None` if nothing was written.
     pub fn finish(mut self) -> Option<Rectangle> {
         let n = self.rectangle.channels.len();
-        if self.amounts.iter().all(|&it| it == 0.0) {
+        if self.depths.iter().all(|it| it.is_infinite()) {
             return None;
-        }
-        for (texel, &amount) in self.rectangle.values.chunks_exact_mut(n).zip(&self.amounts) {
-            texel.iter_mut().for_each(|it| *it /= if amount > 0.0 { amount } else { 1.0 });
         }
         let grid = self.rectangle.grid;
         let is_written = |row: usize| {
             let row = row * grid.n_columns..(row + 1) * grid.n_columns;
-            self.amounts[row].iter().any(|&it| it > 0.0)
+            self.depths[row].iter().any(|it| it.is_finite())
         };
         let written_rows: Vec<usize> = (0..grid.n_rows).filter(|&it| is_written(it)).collect();
         for &row in &written_rows {
@@ -253,7 +239,7 @@ impl Writer {
     fn fill_row(&mut self, row: usize) {
         let (n, n_columns) = (self.rectangle.channels.len(), self.rectangle.grid.n_columns);
         let known: Vec<usize> =
-            (0..n_columns).filter(|it| self.amounts[row * n_columns + it] > 0.0).collect();
+            (0..n_columns).filter(|it| self.depths[row * n_columns + it].is_finite()).collect();
         for (index, &left) in known.iter().enumerate() {
             let right = known[(index + 1) % known.len()];
             let gap = (right + n_columns - left - 1) % n_columns + 1;

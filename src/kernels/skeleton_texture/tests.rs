@@ -58,7 +58,8 @@ fn a_longer_and_wider_pipe_gets_linear_weights() {
     for texels in [Texels::AllJoints, Texels::TopFour] {
         let (mesh, target) = (pipe(0.5, 3.0, 1.0, 31), chain(&[0.0, 1.5, 3.0]));
         let map = segments_by_name(&source, &target);
-        let options = SkeletonTextureOptions { texels, resolution: 256, ..Default::default() };
+        let options =
+            SkeletonTextureOptions { texels, resolution: 256, smoothing: 0, ..Default::default() };
         let it =
             skeleton_texture((&source_mesh, &source, &weights), (&mesh, &target), &map, &options);
         let it = it.unwrap();
@@ -78,7 +79,7 @@ fn a_longer_and_wider_pipe_gets_linear_weights() {
 fn bones_may_be_split_and_joined() {
     let (mesh, one, many) =
         (pipe(0.2, 2.0, 1.0, 24), chain(&[0.0, 1.0, 2.0]), chain(&[0.0, 0.25, 0.5, 1.0, 2.0]));
-    let options = SkeletonTextureOptions { resolution: 256, ..Default::default() };
+    let options = SkeletonTextureOptions { resolution: 256, smoothing: 0, ..Default::default() };
     let weights = hats(&mesh, &[0.0, 1.0, 2.0]);
     let split = vec![
         part(0, 0.0, 0.0),
@@ -118,7 +119,7 @@ fn angles_follow_the_rest_pose() {
     let moved = mesh.with_vertices(mesh.vertices().iter().map(turn).collect()).unwrap();
     let target = skeleton.with_positions(skeleton.positions().iter().map(turn).collect()).unwrap();
     let map = segments_by_name(&skeleton, &target);
-    let options = SkeletonTextureOptions { resolution: 256, ..Default::default() };
+    let options = SkeletonTextureOptions { resolution: 256, smoothing: 0, ..Default::default() };
     let it = skeleton_texture((&mesh, &skeleton, &weights), (&moved, &target), &map, &options);
     let error = largest_difference(&it.unwrap().weights, &weights);
     assert!(error < 0.02, "{error}");
@@ -140,8 +141,12 @@ fn a_turned_section_is_found_by_correlation() {
     let turned = mesh.with_vertices(mesh.vertices().iter().map(turn).collect()).unwrap();
     let map = segments_by_name(&skeleton, &skeleton);
     let error = |correct_phase| {
-        let options =
-            SkeletonTextureOptions { correct_phase, resolution: 256, ..Default::default() };
+        let options = SkeletonTextureOptions {
+            correct_phase,
+            resolution: 256,
+            smoothing: 0,
+            ..Default::default()
+        };
         let of = (&mesh, &skeleton, &weights);
         let it = skeleton_texture(of, (&turned, &skeleton), &map, &options).unwrap();
         (largest_difference(&it.weights, &weights), it.n_shifted)
@@ -159,7 +164,7 @@ fn a_body_gets_its_own_weights_back() {
     let it = synthesize(&SynthesizeOptions { n_vertices: 2000, ..Default::default() }).unwrap();
     let map = segments_by_name(&it.skeleton, &it.skeleton);
     let of = (&it.mesh, &it.skeleton, &it.weights);
-    let options = SkeletonTextureOptions::default();
+    let options = SkeletonTextureOptions { smoothing: 0, ..Default::default() };
     let res = skeleton_texture(of, (&it.mesh, &it.skeleton), &map, &options).unwrap();
     assert!(!res.fell_back && res.source.n_covered * 1000 > 998 * res.source.n_vertices);
     assert_sums_to_one(&res.weights);

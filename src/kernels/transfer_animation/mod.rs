@@ -31,12 +31,18 @@ pub struct TransferAnimationOptions {
     /// Whether bones are first turned to the directions that the source's have at rest, so that the
     /// target takes the source's poses; otherwise bones turn from their own rest directions.
     pub align_rest: bool,
+    /// Bones shorter than this share of the mean bone are not turned by themselves: where joints nearly
+    /// coincide, the direction from one to the other means nothing.
+    pub least_bone: f64,
     pub root: RootPath,
 }
 
+/// The default of `least_bone`.
+pub(super) const LEAST_BONE: f64 = 0.15;
+
 impl Default for TransferAnimationOptions {
     fn default() -> Self {
-        Self { align_rest: true, root: RootPath::default() }
+        Self { align_rest: true, least_bone: LEAST_BONE, root: RootPath::default() }
     }
 }
 
@@ -68,7 +74,7 @@ pub enum TransferAnimationError {
 /// Moves a skeleton like another one, bone by bone (Madaras et al. 2014, section 5).
 ///
 /// At rest every bone of the target is turned, from the root on, by the shortest arc to the direction
-/// of the bone that it follows; in every frame it then turns in the world as that bone does, twist
+/// of the bone that it follows (unless either is very short); in every frame it then turns in the world as that bone does, twist
 /// included. So mapped bones of some length point exactly where the source's do, whatever the rest
 /// poses, and keep their own lengths. A joint turns like the bones that begin at it (their mean, by
 /// length, if they differ; the offsets then make every place exact), or like the bone that ends at it
@@ -86,7 +92,7 @@ pub fn transfer_animation(
     check(source, clip, target, map)?;
     let segments = map.segments();
     let (alignment, rest_angles_rad) = match options.align_rest {
-        true => align_rest(source, target, segments),
+        true => align_rest(source, target, segments, options.least_bone),
         false => {
             (vec![UnitQuaternion::identity(); target.n_joints()], vec![0.0; target.n_joints()])
         }
@@ -151,23 +157,36 @@ fn offset(skeleton: &Skeleton, joint: usize) -> Vec3 {
 }
 
 /// How every bone of the target is turned at rest to point like the bone that it follows, and by how
-/// much after the bones above it.
+/// much after the bones above it. Bones shorter than `least_bone` mean ones turn with those above.
 pub(super) fn align_rest(
     source: &Skeleton,
     target: &Skeleton,
     segments: &[Option<Segment>],
+    least_bone: f64,
 ) -> (Vec<UnitQuaternion<f64>>, Vec<f64>) {
+    let shortest = [source, target].map(|it| least_bone * mean_length(it));
     let mut turns: Vec<UnitQuaternion<f64>> = Vec::with_capacity(segments.len());
     let mut angles = Vec::with_capacity(segments.len());
     for (joint, segment) in segments.iter().enumerate() {
         let above = target.parents()[joint].map_or_else(UnitQuaternion::identity, |it| turns[it]);
         let arc = segment.map_or_else(UnitQuaternion::identity, |it| {
-            shortest_arc(above * offset(target, joint), offset(source, it.source as usize))
+            let (own, foreign) = (offset(target, joint), offset(source, it.source as usize));
+            match foreign.norm() >= shortest[0] && own.norm() >= shortest[1] {
+                true => shortest_arc(above * own, foreign),
+                false => UnitQuaternion::identity(),
+            }
         });
         angles.push(arc.angle());
         turns.push(arc * above);
     }
     (turns, angles)
+}
+
+/// Of the bones that have a length.
+fn mean_length(skeleton: &Skeleton) -> f64 {
+    let lengths = (0..skeleton.n_joints()).map(|it| offset(skeleton, it).norm());
+    let lengths: Vec<f64> = lengths.filter(|&it| it > 0.0).collect();
+    lengths.iter().sum::<f64>() / lengths.len().max(1) as f64
 }
 
 fn scale(source: &Skeleton, target: &Skeleton, segments: &[Option<Segment>]) -> f64 {

@@ -67,7 +67,8 @@ fn bones_point_where_the_source_s_do_and_keep_their_lengths() {
         let clip = shaken(&clip, 0.3);
         let target = reposed(&source, 0.4, seed);
         let map = segments_by_name(&source, &target);
-        let options = TransferAnimationOptions { root: RootPath::Grounded, ..Default::default() };
+        let root = RootPath::Grounded;
+        let options = TransferAnimationOptions { root, least_bone: 0.0, ..Default::default() };
         let res = transfer_animation(&source, &clip, &target, &map, &options).unwrap();
         for frame in 0..clip.n_frames() {
             let (_, from) = world_frames(&clip, frame, source.parents());
@@ -135,6 +136,25 @@ fn opposite_bones_are_turned_half_way_round() {
     let (_, places) = world_frames(&res.clip, 0, target.parents());
     assert!((places[1] - Vec3::x() * 2.0).norm() < 1e-12);
     assert!((res.rest_angles_rad[1] - PI).abs() < 1e-12);
+}
+
+/// The last joint lies beside the one before: that says nothing about where the limb points.
+#[test]
+fn joints_that_nearly_coincide_turn_nothing() {
+    let names = ["a", "b", "c"].map(str::to_owned).to_vec();
+    let limb = |tip: Vec3| {
+        let places = vec![Vec3::zeros(), Vec3::y(), Vec3::y() + tip];
+        Skeleton::new(names.clone(), vec![None, Some(0), Some(1)], places).unwrap()
+    };
+    let (source, target) = (limb(Vec3::y() * 0.3), limb(Vec3::x() * 0.01));
+    let clip = Clip { translations: vec![Vec3::zeros(), Vec3::y(), Vec3::y() * 0.3], ..still(3) };
+    let map = segments_by_name(&source, &target);
+    let turn = |least_bone| {
+        let options = TransferAnimationOptions { least_bone, ..Default::default() };
+        let res = transfer_animation(&source, &clip, &target, &map, &options).unwrap();
+        world_frames(&res.clip, 0, target.parents()).0[2].angle()
+    };
+    assert!(turn(0.15) < 1e-7 && (turn(0.0) - PI / 2.0).abs() < 1e-7);
 }
 
 /// Three bones of the target share one of the source, and a fourth follows nothing.

@@ -1,7 +1,7 @@
 //! Skin weights carried from one shape to another by a functional map.
 
 mod precise;
-mod smooth;
+pub(super) mod smooth;
 
 use faer::Mat;
 
