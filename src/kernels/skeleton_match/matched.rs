@@ -46,18 +46,16 @@ impl SkeletonMatch {
         ratings: [f64; 2],
     ) -> Result<Self, SkeletonMatchError> {
         for (side, whose, n_nodes) in [(0, "source", n_source), (1, "target", n_target)] {
-            let mut is_matched = vec![false; n_nodes];
-            let of_branch =
-                |it: &MatchedBranch| [it.source.clone(), it.target.clone()][side].clone();
-            let along: Vec<u32> = branches.iter().flat_map(of_branch).collect();
-            let ends = nodes.iter().map(|it| it[side]);
-            if let Some(node) = ends.clone().chain(along).find(|&it| it as usize >= n_nodes) {
+            let along = branches.iter().flat_map(|it| if side == 0 { &it.source } else { &it.target });
+            let mut ends: Vec<u32> = nodes.iter().map(|it| it[side]).collect();
+            let is_beyond = |it: &u32| *it as usize >= n_nodes;
+            if let Some(node) = ends.iter().chain(along).copied().find(is_beyond) {
                 return Err(SkeletonMatchError::OutOfRange { whose, node, n_nodes });
             }
-            for node in ends {
-                if std::mem::replace(&mut is_matched[node as usize], true) {
-                    return Err(SkeletonMatchError::Twice { whose, node });
-                }
+            // Sorted, since a count that was read from a file may be too large for a list of flags.
+            ends.sort_unstable();
+            if let Some(pair) = ends.windows(2).find(|it| it[0] == it[1]) {
+                return Err(SkeletonMatchError::Twice { whose, node: pair[0] });
             }
         }
         let is_short = |it: &MatchedBranch| it.source.len() < 2 || it.target.len() < 2;
