@@ -4,7 +4,7 @@ use crate::kernels::kabsch::shortest_arc;
 use crate::kernels::mesh::Vec3;
 use crate::kernels::segment_map::SegmentMap;
 use crate::kernels::skeleton::Skeleton;
-use crate::kernels::transfer_animation::{LEAST_BONE, align_rest};
+use crate::kernels::transfer_animation::{LEAST_BONE, align_rest, mean_length};
 use crate::kernels::triangle_tree::TriangleTree;
 
 /// A segment of a skeleton.
@@ -37,18 +37,20 @@ pub struct Place {
 /// How much of the way to the surface the continuation of a leaf goes.
 const REACH: f64 = 0.9;
 
-/// The bones of a skeleton that have a length, joints in order, then the continuations of leaves.
+/// The bones of a skeleton, joints in order, then the continuations of leaves. Where joints nearly
+/// coincide there is no bone: its direction would mean nothing.
 ///
 /// References are carried from bone to bone by the smallest rotations; where there is no bone above
 /// they point forward (+Z), or up for bones that point forward themselves.
 pub fn bones(skeleton: &Skeleton, tree: &TriangleTree) -> Vec<Bone> {
     let places = skeleton.positions();
+    let shortest = (LEAST_BONE * mean_length(skeleton)).max(f64::MIN_POSITIVE);
     // By joint: the direction and the reference of the last bone with a length that leads to it.
     let mut frames: Vec<Option<(Vec3, Vec3)>> = Vec::with_capacity(places.len());
     let mut res = Vec::new();
     for (joint, parent) in skeleton.parents().iter().enumerate() {
         let above = parent.and_then(|it| frames[it]);
-        let parent = parent.filter(|&it| places[it] != places[joint]);
+        let parent = parent.filter(|&it| (places[joint] - places[it]).norm() >= shortest);
         let Some(parent) = parent else {
             frames.push(above);
             continue;

@@ -183,7 +183,7 @@ pub(super) fn align_rest(
 }
 
 /// Of the bones that have a length.
-fn mean_length(skeleton: &Skeleton) -> f64 {
+pub(super) fn mean_length(skeleton: &Skeleton) -> f64 {
     let lengths = (0..skeleton.n_joints()).map(|it| offset(skeleton, it).norm());
     let lengths: Vec<f64> = lengths.filter(|&it| it > 0.0).collect();
     lengths.iter().sum::<f64>() / lengths.len().max(1) as f64
