@@ -217,7 +217,7 @@ fn artifacts() -> BTreeMap<&'static str, Vec<u8>> {
     let mut res: BTreeMap<_, _> = LIBRARY.types.iter().filter_map(read).collect();
     // Only programs and scripts of the user make texts.
     let text = AnyArtifact::encode(Text("two\nlines\n".to_owned()));
-    res.entry(text.0.ty().name).or_insert(text.1);
+    res.entry(text.0.ty().name).or_insert_with(|| text.1.to_vec());
     res
 }
 

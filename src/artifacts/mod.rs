@@ -29,7 +29,7 @@ mod text;
 mod weights;
 
 use crate::engine::{
-    artifact::{AnyArtifact, ArtifactKind, Decoder, Dtype, Format},
+    artifact::{AnyArtifact, ArtifactKind, Bytes, Decoder, Dtype, Format},
     library::CommonFormat,
 };
 use crate::kernels::{
@@ -84,10 +84,10 @@ pub const COMMON_IMPORTS: [&str; 2] = ["npz", "safetensors"];
 pub fn import(
     kind: &ArtifactKind,
     extension: &str,
-    bytes: &[u8],
-) -> Result<(AnyArtifact, Vec<u8>), String> {
+    bytes: Bytes,
+) -> Result<(AnyArtifact, Bytes), String> {
     match extension {
-        "npz" => kind.import("safetensors", &npz::tensors_of_npz(bytes)?),
+        "npz" => kind.import("safetensors", npz::tensors_of_npz(&bytes)?.into()),
         _ => kind.import(extension, bytes),
     }
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use anstream::println;
 use indexmap::IndexMap;
 use petgraph::graph::NodeIndex;
+use serde_json::Value as Json;
 
 use super::{
     Exit, Failure, Ui,
@@ -13,6 +14,7 @@ use super::{
     runs, style, told,
 };
 use crate::engine::{
+    digest::Digest,
     key::Key,
     plan::{self, Memory, Reason, Status},
     why::{self, PlanCauses, Step, Tense},
@@ -45,7 +47,7 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
     let index = common::find(&graph, &args.node)?;
     let memory = common::memory(&store, &graph);
     let plan = plan::plan(&graph, &[index], &BTreeSet::new(), &memory);
-    let key = plan.keys[index.index()].as_ref();
+    let key = plan.keys[index.index()].as_deref();
     let causes = PlanCauses::new(&graph, &plan, &memory);
     if ui.json {
         print_json(index, &causes, key);
@@ -117,8 +119,9 @@ fn print_roots(index: NodeIndex, causes: &PlanCauses<'_>) {
     }
 }
 
-fn print_key(key: &Key) {
-    println!("{:>10}  {}", "key", crate::engine::digest::Digest::of(key.text().as_bytes()).short());
+fn print_key(text: &str) {
+    println!("{:>10}  {}", "key", Digest::of(text.as_bytes()).short());
+    let key = Key::read(text).expect("keys are read as they are written");
     println!("{:>12}numerics  {}", "", key.numerics);
     for (name, value) in key.params.as_object().into_iter().flatten() {
         println!("{:>12}{name} = {value}", "");
@@ -138,7 +141,8 @@ fn print_key(key: &Key) {
     }
 }
 
-fn print_json(index: NodeIndex, causes: &PlanCauses<'_>, key: Option<&Key>) {
+fn print_json(index: NodeIndex, causes: &PlanCauses<'_>, key: Option<&str>) {
+    let key: Option<Json> = key.and_then(|it| serde_json::from_str(it).ok());
     let PlanCauses { graph, plan, .. } = causes;
     let id = |it: &NodeIndex| graph.instances[*it].id();
     let (status, text, why) = match &plan.statuses[index.index()] {

@@ -99,8 +99,8 @@ fn stored_outputs(graph: &Graph, store: &Store, index: NodeIndex) -> Result<Outp
         Status::Cached { key } | Status::Run { key, .. } => Some(*key),
         _ => None,
     };
-    let entry = key.and_then(|it| store.entry(&it));
-    entry.and_then(|it| Outputs::of_entry(&graph.instances[index], &it)).ok_or_else(|| {
+    let outputs = |key| store.outputs(&key, |it| Outputs::of_entry(&graph.instances[index], it));
+    key.and_then(outputs).ok_or_else(|| {
         Failure::usage(format_args!(
             "there is no result of `{id}` for these parameters\nhint: `sinew run` computes it"
         ))

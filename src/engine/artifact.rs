@@ -1,9 +1,44 @@
 //! What flows along the wires: immutable typed values with one canonical encoding.
 
-use std::{any::Any, sync::Arc};
+use std::{any::Any, ops::Deref, sync::Arc};
+
+use memmap2::Mmap;
 
 use super::digest::Digest;
 pub use super::tensors::{DecodeError, Decoder, Dtype, Encoder};
+
+/// The stored form of an artifact.
+pub enum Bytes {
+    /// A file, or memory that another process has written.
+    Mapped(Mmap),
+    Owned(Vec<u8>),
+}
+
+impl Deref for Bytes {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        match self {
+            Self::Mapped(bytes) => bytes,
+            Self::Owned(bytes) => bytes,
+        }
+    }
+}
+
+impl Bytes {
+    pub fn into_vec(self) -> Vec<u8> {
+        match self {
+            Self::Mapped(bytes) => bytes.to_vec(),
+            Self::Owned(bytes) => bytes,
+        }
+    }
+}
+
+impl From<Vec<u8>> for Bytes {
+    fn from(bytes: Vec<u8>) -> Self {
+        Self::Owned(bytes)
+    }
+}
 
 /// The name of a type of artifact, as users see it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,9 +111,14 @@ pub struct AnyArtifact {
 
 impl AnyArtifact {
     /// Encodes a value: the artifact and the bytes to store.
-    pub fn encode<T: Artifact>(value: T) -> (Self, Vec<u8>) {
+    pub fn encode<T: Artifact>(value: T) -> (Self, Bytes) {
+        let bytes = encoder(&value).finish().into();
+        Self::with_bytes(value, bytes)
+    }
+
+    /// The artifact of a value whose stored form is known.
+    fn with_bytes<T: Artifact>(value: T, bytes: Bytes) -> (Self, Bytes) {
         let kind = const { &ArtifactKind::of::<T>() };
-        let bytes = kind.encode(&value);
         let digest = digest_of(T::TYPE, &bytes);
         (Self { kind, digest, value: Arc::new(value) }, bytes)
     }
@@ -135,7 +175,7 @@ pub struct ArtifactKind {
     decode: fn(&'static ArtifactKind, Digest, &[u8]) -> Result<AnyArtifact, DecodeError>,
     summary: fn(&dyn Any) -> Vec<(String, String)>,
     export: fn(&dyn Any, &str) -> Result<Vec<u8>, String>,
-    import: fn(&str, &[u8]) -> Result<(AnyArtifact, Vec<u8>), String>,
+    import: fn(&str, Bytes) -> Result<(AnyArtifact, Bytes), String>,
 }
 
 impl ArtifactKind {
@@ -144,13 +184,7 @@ impl ArtifactKind {
             ty: T::TYPE,
             formats: T::FORMATS,
             imports: T::IMPORTS,
-            encode: |value| {
-                let mut encoder = Encoder::default();
-                cast::<T>(value).encode(&mut encoder);
-                encoder.text("sinew.type", T::TYPE.name);
-                encoder.text("sinew.version", T::TYPE.version.to_string());
-                encoder.finish()
-            },
+            encode: |value| encoder(cast::<T>(value)).finish(),
             decode: |kind, digest, bytes| {
                 let decoder = Decoder::new(bytes)?;
                 let found = decoder.text("sinew.type")?;
@@ -163,17 +197,17 @@ impl ArtifactKind {
             summary: |value| cast::<T>(value).summary(),
             export: |value, extension| cast::<T>(value).export(extension),
             import: |extension, bytes| {
-                let value = match extension {
-                    "safetensors" => decode_foreign(bytes).map_err(|e| e.to_string())?,
-                    _ => T::import(extension, bytes)?,
-                };
-                Ok(AnyArtifact::encode::<T>(value))
+                if extension != "safetensors" {
+                    return Ok(AnyArtifact::encode::<T>(T::import(extension, &bytes)?));
+                }
+                let value = decode_foreign::<T>(&bytes).map_err(|e| e.to_string())?;
+                // Whoever wrote it as we do has saved us a copy.
+                Ok(match encoder(&value).is(&bytes) {
+                    true => AnyArtifact::with_bytes(value, bytes),
+                    false => AnyArtifact::encode(value),
+                })
             },
         }
-    }
-
-    fn encode(&self, value: &dyn Any) -> Vec<u8> {
-        (self.encode)(value)
     }
 
     /// Reads stored bytes whose digest has been checked, or is computed here if it is not given.
@@ -194,9 +228,18 @@ impl ArtifactKind {
     ///
     /// # Errors
     /// If the file does not hold an artifact of this type.
-    pub fn import(&self, extension: &str, bytes: &[u8]) -> Result<(AnyArtifact, Vec<u8>), String> {
+    pub fn import(&self, extension: &str, bytes: Bytes) -> Result<(AnyArtifact, Bytes), String> {
         (self.import)(extension, bytes)
     }
+}
+
+/// All that the stored form of a value is made of.
+fn encoder<T: Artifact>(value: &T) -> Encoder<'_> {
+    let mut encoder = Encoder::default();
+    value.encode(&mut encoder);
+    encoder.text("sinew.type", T::TYPE.name);
+    encoder.text("sinew.version", T::TYPE.version.to_string());
+    encoder
 }
 
 fn decode_foreign<T: Artifact>(bytes: &[u8]) -> Result<T, DecodeError> {
@@ -211,4 +254,31 @@ fn decode_foreign<T: Artifact>(bytes: &[u8]) -> Result<T, DecodeError> {
 
 fn cast<T: Artifact>(value: &dyn Any) -> &T {
     value.downcast_ref().expect("an artifact's kind is that of its value")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::toy::Number;
+
+    /// Imports a file; the artifact's digest, its bytes, and whether they are those of the file.
+    fn import(file: Vec<u8>) -> (Digest, Vec<u8>, bool) {
+        let (start, kind) = (file.as_ptr(), const { &ArtifactKind::of::<Number>() });
+        let (artifact, bytes) = kind.import("safetensors", file.into()).unwrap();
+        let is_same = bytes.as_ptr() == start;
+        (artifact.digest(), bytes.into_vec(), is_same)
+    }
+
+    #[test]
+    fn a_file_that_is_written_as_we_do_is_stored_as_it_is() {
+        let (artifact, bytes) = AnyArtifact::encode(Number(7));
+        let bytes = bytes.into_vec();
+        assert_eq!(import(bytes.clone()), (artifact.digest(), bytes.clone(), true));
+        // The header padded by eight more spaces: the same value, other bytes.
+        let length = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+        let header = &bytes[8..8 + length];
+        let longer =
+            [&(length as u64 + 8).to_le_bytes()[..], header, b"        ", &bytes[8 + length..]];
+        assert_eq!(import(longer.concat()), (artifact.digest(), bytes, false));
+    }
 }

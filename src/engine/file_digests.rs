@@ -29,8 +29,7 @@ pub fn digest(store: &Store, path: &Path) -> io::Result<Digest> {
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(File::open(path)?)?;
     let digest = Digest(*hasher.finalize().as_bytes());
-    // A copy may keep the original's time of change; when it was put here counts as well.
-    if is_settled(&meta) && is_long_ago(meta.ctime()) {
+    if is_at_rest(&meta) {
         let note = (Note::FileDigest, identity, digest.0.to_vec());
         if let Err(StoreError { error, .. }) = store.remember(vec![note]) {
             tracing::debug!(%error, "a file's digest is not remembered");
@@ -43,6 +42,12 @@ pub fn digest(store: &Store, path: &Path) -> io::Result<Digest> {
 /// would then look the same. A time in the future is never settled.
 pub fn is_settled(meta: &fs::Metadata) -> bool {
     is_long_ago(meta.mtime())
+}
+
+/// The same of a file that may be a copy, which keeps the original's time of change: when it was put here
+/// counts as well.
+pub fn is_at_rest(meta: &fs::Metadata) -> bool {
+    is_settled(meta) && is_long_ago(meta.ctime())
 }
 
 fn is_long_ago(secs: i64) -> bool {

@@ -49,7 +49,7 @@ pub struct Instance {
     /// Where the node is declared.
     pub place: Place,
     /// Where its parameters and wires are written: for a `${}`, where its value is.
-    pub field_places: Arc<BTreeMap<String, Place>>,
+    pub field_places: Arc<[(Arc<str>, Place)]>,
 }
 
 /// One output of one instance.
@@ -139,6 +139,11 @@ impl Instance {
     pub fn needs_process(&self) -> bool {
         let is_limited = self.settings.timeout.is_some() && !self.kind.handles_limits;
         self.settings.isolate.is_some() || is_limited
+    }
+
+    /// Where a parameter or a wire is written.
+    pub fn field_place(&self, name: &str) -> Option<&Place> {
+        self.field_places.iter().find(|it| *it.0 == *name).map(|it| &it.1)
     }
 
     /// The real path of a declared file.

@@ -5,7 +5,7 @@
 
 use std::{collections::BTreeMap, sync::LazyLock};
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use serde_json::Value;
 
 use super::{digest::Digest, facts::Facts, node::AnyNode};
@@ -13,8 +13,8 @@ use super::{digest::Digest, facts::Facts, node::AnyNode};
 /// Raise it when the meaning of any field of [`Key`] changes.
 pub const KEY_FORMAT: u32 = 1;
 
-/// Everything that a result depends on, and nothing else.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// Everything that a result depends on, and nothing else: a key's text as it is read.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Key {
     pub format: u32,
@@ -27,48 +27,68 @@ pub struct Key {
     /// Contents of files, by parameter (`path`) or by the name of a side file.
     pub files: BTreeMap<String, Digest>,
     /// What the machine answered to the node's question: versions of programs.
-    #[serde(default, skip_serializing_if = "Facts::is_empty")]
+    #[serde(default)]
     pub facts: Facts,
     /// Contents of inputs, by port; `None` for an optional output that was left out, and for what is
     /// missing.
     pub inputs: BTreeMap<String, Vec<Option<Digest>>>,
     /// By labelled port: what the items are called that it gathers, as `axis=item` pairs.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[serde(default)]
     pub items: BTreeMap<String, Vec<Vec<String>>>,
     /// By labelled port: positions of items that are missing, and why.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[serde(default)]
     pub missing: BTreeMap<String, Vec<(usize, String)>>,
 }
 
-/// The inputs of a key.
-#[derive(Debug, Default)]
-pub struct KeyInputs {
-    pub digests: BTreeMap<String, Vec<Option<Digest>>>,
-    pub items: BTreeMap<String, Vec<Vec<String>>>,
-    pub missing: BTreeMap<String, Vec<(usize, String)>>,
+/// What a key is made from, with the fields of [`Key`] in their order. Ten thousand keys are written for
+/// one that is read, so nothing is copied on the way to its text.
+#[derive(Debug, Serialize)]
+pub struct KeyParts<'a> {
+    format: u32,
+    kind: &'a str,
+    version: u32,
+    numerics: &'a str,
+    params: Sorted,
+    pub files: BTreeMap<String, Digest>,
+    #[serde(skip_serializing_if = "Facts::is_empty")]
+    pub facts: Facts,
+    pub inputs: BTreeMap<&'a str, Vec<Option<Digest>>>,
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub items: BTreeMap<&'a str, Vec<Vec<String>>>,
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub missing: BTreeMap<&'a str, Vec<(usize, String)>>,
 }
 
-impl Key {
-    /// The key of a node with these inputs and files.
-    pub fn new(node: &dyn AnyNode, inputs: KeyInputs, files: BTreeMap<String, Digest>) -> Self {
+impl KeyParts<'_> {
+    /// The parts of a node without inputs, files and facts.
+    pub fn new(node: &dyn AnyNode) -> Self {
         let spec = node.spec();
         Self {
             format: KEY_FORMAT,
-            kind: spec.kind.to_owned(),
+            kind: spec.kind,
             version: spec.version,
-            numerics: NUMERICS.clone(),
-            params: sorted(node.canonical_params()),
-            files,
+            numerics: &NUMERICS,
+            params: Sorted(node.canonical_params()),
+            files: BTreeMap::new(),
             facts: Facts::new(),
-            inputs: inputs.digests,
-            items: inputs.items,
-            missing: inputs.missing,
+            inputs: BTreeMap::new(),
+            items: BTreeMap::new(),
+            missing: BTreeMap::new(),
         }
     }
 
     /// The canonical text.
     pub fn text(&self) -> String {
-        serde_json::to_string(self).expect("keys are plain data")
+        let mut text = Vec::with_capacity(1 << 10);
+        serde_json::to_writer(&mut text, self).expect("keys are plain data");
+        String::from_utf8(text).expect("JSON is text")
+    }
+}
+
+impl Key {
+    /// Reads a key's text; `None` if it was written by a version with other fields.
+    pub fn read(text: &str) -> Option<Self> {
+        serde_json::from_str(text).ok()
     }
 
     /// Why `self` is not `old`, one entry a cause, in the order of the fields.
@@ -181,16 +201,29 @@ fn gained_and_lost(old: &str, new: &str) -> String {
     if changes.is_empty() { "its items in another order".to_owned() } else { changes.join(", ") }
 }
 
-/// Sorts the names of all objects, so that moving a field in a struct changes no key.
-fn sorted(value: Value) -> Value {
-    match value {
-        Value::Object(fields) => {
-            let fields: BTreeMap<String, Value> =
-                fields.into_iter().map(|(name, value)| (name, sorted(value))).collect();
-            Value::Object(fields.into_iter().collect())
+/// Written with the names of all objects sorted, so that moving a field in a struct changes no key.
+#[derive(Debug)]
+struct Sorted(Value);
+
+impl Serialize for Sorted {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        SortedRef(&self.0).serialize(serializer)
+    }
+}
+
+struct SortedRef<'a>(&'a Value);
+
+impl Serialize for SortedRef<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self.0 {
+            Value::Object(fields) => {
+                let mut fields: Vec<(&String, &Value)> = fields.iter().collect();
+                fields.sort_unstable_by_key(|it| it.0);
+                serializer.collect_map(fields.into_iter().map(|it| (it.0, SortedRef(it.1))))
+            }
+            Value::Array(items) => serializer.collect_seq(items.iter().map(SortedRef)),
+            other => other.serialize(serializer),
         }
-        Value::Array(items) => Value::Array(items.into_iter().map(sorted).collect()),
-        other => other,
     }
 }
 

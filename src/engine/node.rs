@@ -15,7 +15,7 @@ pub use super::cancel::CancelToken;
 pub use super::facts::{Answer, Facts, Question};
 pub use super::labels::Labels;
 use super::{
-    artifact::{AnyArtifact, Artifact, ArtifactType},
+    artifact::{AnyArtifact, Artifact, ArtifactType, Bytes},
     digest::Digest,
     labels::InputLabels,
 };
@@ -219,6 +219,9 @@ impl<E: std::error::Error> From<E> for NodeError {
     }
 }
 
+/// The types of the artifacts that are wired to an input, by its name.
+pub type TypesAt<'a> = &'a dyn Fn(&str) -> Vec<ArtifactType>;
+
 /// A kind of node. The implementing struct holds the parameters; its doc comments are their reference.
 pub trait Node: Serialize + DeserializeOwned + JsonSchema + Send + Sync + 'static {
     const SPEC: Spec;
@@ -239,14 +242,11 @@ pub trait Node: Serialize + DeserializeOwned + JsonSchema + Send + Sync + 'stati
         Ok(())
     }
 
-    /// Checks what an open kind can do with the types of artifacts that are wired to its inputs.
+    /// Checks what an open kind can do with the types of artifacts that are wired to each of its inputs.
     ///
     /// # Errors
     /// As [`Node::validate`].
-    fn check_inputs(
-        &self,
-        _types: &BTreeMap<&'static str, Vec<ArtifactType>>,
-    ) -> Result<(), String> {
+    fn check_inputs(&self, _types: TypesAt<'_>) -> Result<(), String> {
         Ok(())
     }
 
@@ -322,7 +322,7 @@ pub struct NodeIo<'a> {
 #[derive(Default)]
 pub struct NodeOutputs {
     /// By port: the artifact and its bytes.
-    pub artifacts: BTreeMap<&'static str, (AnyArtifact, Vec<u8>)>,
+    pub artifacts: BTreeMap<&'static str, (AnyArtifact, Bytes)>,
     /// Optional outputs that were left out, and why.
     pub absent: BTreeMap<&'static str, String>,
     /// Remarks for the user, kept with the result.
@@ -444,7 +444,7 @@ impl<'a> NodeIo<'a> {
     ///
     /// # Panics
     /// If the port has another type.
-    pub fn put_any(&mut self, port: &'static str, (artifact, bytes): (AnyArtifact, Vec<u8>)) {
+    pub fn put_any(&mut self, port: &'static str, (artifact, bytes): (AnyArtifact, Bytes)) {
         self.assert_declared(port);
         let ty = self.spec.outputs.iter().find(|it| it.name == port).map(|it| it.ty);
         assert_eq!(Some(artifact.ty()), ty, "the type of the output `{port}`");
@@ -550,8 +550,7 @@ pub trait AnyNode: Send + Sync {
     /// Parameters with every default filled in; files are replaced by their extensions.
     fn canonical_params(&self) -> serde_json::Value;
     fn validate(&self) -> Result<(), String>;
-    fn check_inputs(&self, types: &BTreeMap<&'static str, Vec<ArtifactType>>)
-    -> Result<(), String>;
+    fn check_inputs(&self, types: TypesAt<'_>) -> Result<(), String>;
     /// All files, with the names of their fields: `path`, `files.script`.
     fn files(&self) -> Vec<(Cow<'static, str>, &InputFile)>;
     fn side_files(&self, path: &Path) -> Vec<PathBuf>;
@@ -584,10 +583,7 @@ impl<N: Node> AnyNode for N {
         Node::validate(self)
     }
 
-    fn check_inputs(
-        &self,
-        types: &BTreeMap<&'static str, Vec<ArtifactType>>,
-    ) -> Result<(), String> {
+    fn check_inputs(&self, types: TypesAt<'_>) -> Result<(), String> {
         Node::check_inputs(self, types)
     }
 

@@ -14,15 +14,17 @@ use super::{
     facts::{self, Facts, Question},
     file_digests,
     graph::{Graph, Instance, PortRef},
-    key::{Difference, Key, KeyInputs},
+    key::{Difference, Key, KeyParts},
     labels::Labels,
     node::Arity,
-    store::{Entry, Note, Store},
+    store::{Entry, EntryOutputs, Note, Store},
 };
 
 /// What planning asks of the world.
 pub trait Memory {
     fn entry(&self, key: &Digest) -> Option<Arc<Entry>>;
+    /// What is stored under a key, for the ports that an instance declares; `None` if one is missing.
+    fn outputs(&self, key: &Digest, instance: &Instance) -> Option<Outputs>;
     fn has_object(&self, digest: &Digest) -> bool;
     /// Whether an object that is no longer there was found damaged.
     fn was_damaged(&self, digest: &Digest) -> bool;
@@ -69,6 +71,10 @@ impl Memory for PipelineMemory<'_> {
         self.store.entry(key)
     }
 
+    fn outputs(&self, key: &Digest, instance: &Instance) -> Option<Outputs> {
+        self.store.outputs(key, |it| Outputs::of_entry(instance, it))
+    }
+
     fn has_object(&self, digest: &Digest) -> bool {
         self.store.has_object(digest)
     }
@@ -109,7 +115,7 @@ pub struct OutputInfo {
 
 impl Outputs {
     /// What an entry says, for the ports that the kind declares; `None` if one is missing.
-    pub fn of_entry(instance: &Instance, entry: &Entry) -> Option<Self> {
+    pub fn of_entry(instance: &Instance, entry: &EntryOutputs<'_>) -> Option<Self> {
         let mut res = Self::default();
         for port in instance.kind.spec.outputs {
             let found = entry.outputs.iter().find(|it| it.port == port.name);
@@ -120,7 +126,7 @@ impl Outputs {
                     res.artifacts.insert(port.name, info);
                 }
                 (_, Some((_, why))) => {
-                    res.absent.insert(port.name, why.clone());
+                    res.absent.insert(port.name, why.to_string());
                 }
                 _ => return None,
             }
@@ -167,7 +173,7 @@ pub enum Producer<'a> {
     Failed(&'a str),
 }
 
-/// The key of an instance whose inputs' producers are all known.
+/// The text of the key of an instance whose inputs' producers are all known.
 ///
 /// # Errors
 /// See [`KeyError`].
@@ -175,8 +181,8 @@ pub fn key_of<'a>(
     instance: &Instance,
     producer: impl Fn(NodeIndex) -> Producer<'a>,
     memory: &dyn Memory,
-) -> Result<Key, KeyError> {
-    let mut inputs = KeyInputs::default();
+) -> Result<String, KeyError> {
+    let mut key = KeyParts::new(instance.node.as_ref());
     for port in instance.kind.spec.inputs {
         let Some(sources) = instance.inputs.get(port.name) else { continue };
         let mut digests = Vec::with_capacity(sources.len());
@@ -199,17 +205,16 @@ pub fn key_of<'a>(
                 }
             }
         }
-        inputs.digests.insert(port.name.to_owned(), digests);
+        key.inputs.insert(port.name, digests);
         if !missing.is_empty() {
-            inputs.missing.insert(port.name.to_owned(), missing);
+            key.missing.insert(port.name, missing);
         }
         if let Some(labels) = instance.input_labels.get(port.name)
             && labels.iter().any(|it| !it.is_empty())
         {
-            inputs.items.insert(port.name.to_owned(), labels.iter().map(shown_labels).collect());
+            key.items.insert(port.name, labels.iter().map(shown_labels).collect());
         }
     }
-    let mut files = BTreeMap::new();
     let declared = instance.node.files();
     for (path, real) in &instance.files {
         let name = match declared.iter().find(|it| it.1.0 == *path) {
@@ -224,13 +229,12 @@ pub fn key_of<'a>(
         let digest = memory
             .file_digest(real)
             .map_err(|e| KeyError::File { path: real.clone(), error: e.to_string() })?;
-        files.insert(name, digest);
+        key.files.insert(name, digest);
     }
-    let facts = match instance.node.question() {
-        Some(question) => memory.facts(&question).map_err(KeyError::Fact)?,
-        None => Facts::new(),
-    };
-    Ok(Key { facts, ..Key::new(instance.node.as_ref(), inputs, files) })
+    if let Some(question) = instance.node.question() {
+        key.facts = memory.facts(&question).map_err(KeyError::Fact)?;
+    }
+    Ok(key.text())
 }
 
 fn shown_labels(labels: &Labels) -> Vec<String> {
@@ -259,18 +263,18 @@ pub enum Reason {
 impl Reason {
     /// Why a key (with its digest) that is not stored is not: compares it with the last one of the
     /// instance.
-    pub fn of_miss(key: &Key, digest: &Digest, instance: &str, memory: &dyn Memory) -> Self {
+    pub fn of_miss(key: &str, digest: &Digest, instance: &str, memory: &dyn Memory) -> Self {
         let Some(last) = memory.last_key(instance) else { return Self::New };
         if last == *digest {
             return Self::Removed;
         }
         let old = memory.entry(&last);
-        match old.and_then(|it| serde_json::from_str::<Key>(&it.key).ok()) {
-            Some(old) => match key.differences(&old) {
+        match (old.and_then(|it| Key::read(&it.key)), Key::read(key)) {
+            (Some(old), Some(key)) => match key.differences(&old) {
                 differences if differences.is_empty() => Self::Replaced,
                 differences => Self::Changed(differences),
             },
-            None => Self::Replaced,
+            _ => Self::Replaced,
         }
     }
 
@@ -322,8 +326,8 @@ pub enum Status {
 /// What would happen, by instance.
 pub struct Plan {
     pub statuses: Vec<Status>,
-    /// Keys that are known.
-    pub keys: Vec<Option<Key>>,
+    /// The texts of keys that are known.
+    pub keys: Vec<Option<String>>,
     /// Parents before children.
     pub order: Vec<NodeIndex>,
 }
@@ -354,7 +358,7 @@ pub fn plan(
     let order = topological_order(graph);
     let wanted = wanted(graph, targets);
     let mut statuses = vec![Status::NotWanted; n];
-    let mut keys: Vec<Option<Key>> = vec![None; n];
+    let mut keys: Vec<Option<String>> = vec![None; n];
     let mut outputs: Vec<Option<Outputs>> = vec![None; n];
     for &index in order.iter().filter(|it| wanted.contains(it)) {
         let instance = &graph.instances[index];
@@ -373,12 +377,12 @@ pub fn plan(
                 continue;
             }
         };
-        let digest = Digest::of(key.text().as_bytes());
-        let entry = memory.entry(&digest).filter(|_| !forced.contains(&index));
-        outputs[index.index()] = entry.and_then(|it| Outputs::of_entry(instance, &it));
+        let digest = Digest::of(key.as_bytes());
+        let is_forced = forced.contains(&index);
+        outputs[index.index()] = if is_forced { None } else { memory.outputs(&digest, instance) };
         statuses[index.index()] = if outputs[index.index()].is_some() {
             Status::Cached { key: digest }
-        } else if forced.contains(&index) {
+        } else if is_forced {
             Status::Run { key: digest, reason: Reason::Forced }
         } else {
             let reason = Reason::of_miss(&key, &digest, &instance.id(), memory);

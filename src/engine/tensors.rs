@@ -177,9 +177,32 @@ impl<'a> Encoder<'a> {
 
     /// Writes the file.
     pub fn finish(mut self) -> Vec<u8> {
+        let header = self.header();
+        let n_bytes = self.arrays.iter().map(|it| it.3.len()).sum::<usize>();
+        let mut res = Vec::with_capacity(header.len() + n_bytes);
+        res.extend(header);
+        for (_, _, _, bytes) in &self.arrays {
+            res.extend_from_slice(bytes);
+        }
+        res
+    }
+
+    /// Whether the file would have these bytes. It is not written for that.
+    pub fn is(mut self, bytes: &[u8]) -> bool {
+        let header = self.header();
+        let arrays = self.arrays.iter().map(|it| &*it.3);
+        let rest = std::iter::once(&header[..])
+            .chain(arrays)
+            .try_fold(bytes, |rest, piece| rest.strip_prefix(piece));
+        rest.is_some_and(<[u8]>::is_empty)
+    }
+
+    /// Puts the arrays into their order; what stands before them.
+    fn header(&mut self) -> Vec<u8> {
         self.arrays.sort_by_key(|it| std::cmp::Reverse(it.1.size()));
         let mut header = Map::new();
-        let texts = self.texts.into_iter().map(|(k, v)| (k, Value::String(v)));
+        let texts = std::mem::take(&mut self.texts).into_iter();
+        let texts = texts.map(|(k, v)| (k, Value::String(v)));
         header.insert("__metadata__".to_owned(), Value::Object(texts.collect()));
         let mut offset = 0;
         for (name, dtype, shape, bytes) in &self.arrays {
@@ -193,12 +216,8 @@ impl<'a> Encoder<'a> {
         let mut header = serde_json::to_vec(&header).expect("the header is plain data");
         // Spaces, as the format allows, so that the arrays are aligned.
         header.resize(header.len().next_multiple_of(8), b' ');
-        let mut res = Vec::with_capacity(8 + header.len() + offset);
-        res.extend((header.len() as u64).to_le_bytes());
+        let mut res = (header.len() as u64).to_le_bytes().to_vec();
         res.extend(header);
-        for (_, _, _, bytes) in &self.arrays {
-            res.extend_from_slice(bytes);
-        }
         res
     }
 }

@@ -44,6 +44,7 @@ pub fn check_objects(
     plan: &Plan,
     mut tell: impl FnMut(NodeIndex, &Verdict),
 ) {
+    store.check_again();
     for &index in &plan.order {
         if plan.statuses[index.index()] == Status::NotWanted {
             continue;
@@ -86,8 +87,8 @@ fn stored(
         Status::Cached { key } | Status::Run { key, .. } => key,
         _ => return None,
     };
+    store.outputs(&key, |it| Outputs::of_entry(&graph.instances[index], it))?;
     let entry = store.entry(&key)?;
-    Outputs::of_entry(&graph.instances[index], &entry)?;
     Some((key, entry))
 }
 
@@ -103,6 +104,7 @@ pub fn rerun(
     chosen: impl FnOnce(&Graph, Vec<NodeIndex>) -> Vec<NodeIndex>,
     mut tell: impl FnMut(&Graph, NodeIndex, &Verdict),
 ) {
+    store.check_again();
     // Files of the user are none of our business.
     graph.outputs.clear();
     let plan = {

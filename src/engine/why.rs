@@ -109,7 +109,7 @@ impl Change {
         let (group, field) = difference.what.split_once('.').unwrap_or(("", &difference.what));
         // Versions and the class of processors are written nowhere in the pipeline.
         let place = (!group.is_empty())
-            .then(|| instance.field_places.get(field).unwrap_or(&instance.place))
+            .then(|| instance.field_place(field).unwrap_or(&instance.place))
             .map(|it| places.show(graph, it));
         let mut difference = difference.clone();
         let mut from = Vec::new();

@@ -9,8 +9,9 @@ use std::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::engine::artifact::ArtifactType;
-use crate::engine::node::{Arity, InputFile, Node, NodeError, NodeIo, Output, Question, Spec};
+use crate::engine::node::{
+    Arity, InputFile, Node, NodeError, NodeIo, Output, Question, Spec, TypesAt,
+};
 use crate::engine::program::{self, End, Printed, Program};
 use crate::kernels::text::Text;
 
@@ -291,14 +292,10 @@ mesh = "@copy"
         }
     }
 
-    fn check_inputs(
-        &self,
-        types: &BTreeMap<&'static str, Vec<ArtifactType>>,
-    ) -> Result<(), String> {
+    fn check_inputs(&self, types: TypesAt<'_>) -> Result<(), String> {
         for (slot, field) in self.slots()? {
             let Slot::Input { port, extension } = &slot else { continue };
-            let types = types.get(port.as_str()).into_iter().flatten();
-            let names: BTreeSet<&str> = types.map(|it| it.name).collect();
+            let names: BTreeSet<&str> = types(port).iter().map(|it| it.name).collect();
             for name in names {
                 folder::check_export(name, extension)
                     .map_err(|known| format!("`{field}` has `{slot}`, but {known}"))?;

@@ -1,6 +1,6 @@
 //! From text to the sections of a pipeline file. Nothing is looked up yet.
 
-use std::{collections::HashSet, ops::Range, sync::Arc};
+use std::{collections::HashSet, fmt::Display, ops::Range, sync::Arc};
 
 use toml::de::DeTable;
 
@@ -232,7 +232,7 @@ fn read_axes(value: Value, problems: &mut Problems) -> Vec<AxisTable> {
     let mut res = Vec::new();
     for Entry { key: name, value } in table_entries(value, "`axes`", problems) {
         if check_name(&name, problems) {
-            let fields = table_entries(value, &format!("axis `{}`", name.name), problems);
+            let fields = table_entries(value, format_args!("axis `{}`", name.name), problems);
             res.push(AxisTable { name, fields });
         }
     }
@@ -242,7 +242,7 @@ fn read_axes(value: Value, problems: &mut Problems) -> Vec<AxisTable> {
 fn read_profiles(value: Value, problems: &mut Problems) -> Vec<Profile> {
     let mut res = Vec::new();
     for Entry { key: name, value } in table_entries(value, "`profiles`", problems) {
-        let params = table_entries(value, &format!("profile `{}`", name.name), problems);
+        let params = table_entries(value, format_args!("profile `{}`", name.name), problems);
         res.push(Profile { name, params });
     }
     res
@@ -254,7 +254,7 @@ fn read_nodes(value: Value, problems: &mut Problems) -> Vec<NodeTable> {
         let named = check_name(&name, problems);
         let broken = value.broken();
         let is_table = matches!(value.data, Data::Table(_));
-        let mut fields = table_entries(value, &format!("node `{}`", name.name), problems);
+        let mut fields = table_entries(value, format_args!("node `{}`", name.name), problems);
         let kind = match fields.iter().position(|it| &*it.key.name == "kind") {
             Some(index) => read_kind(fields.remove(index).value, problems),
             None => {
@@ -292,12 +292,12 @@ fn report_shared_names(document: &Document, problems: &mut Problems) {
 }
 
 /// The entries of a table; reports that it is none.
-pub fn table_entries(value: Value, what: &str, problems: &mut Problems) -> Vec<Entry> {
-    match &value.data {
-        Data::Table(entries) => entries.to_vec(),
+pub fn table_entries(value: Value, what: impl Display, problems: &mut Problems) -> Vec<Entry> {
+    match value.data {
+        Data::Table(entries) => Arc::unwrap_or_clone(entries),
         Data::Broken => Vec::new(),
-        _ => {
-            let message = format!("{what} must be a table, but is {}", value.describe());
+        ref data => {
+            let message = format!("{what} must be a table, but is {}", data.describe());
             problems.push(Diagnostic::error(&value.place, message));
             Vec::new()
         }

@@ -52,15 +52,13 @@ pub fn substitute(value: &Value, names: &Names, problems: &mut Problems) -> Valu
         Data::List(items) if items.iter().any(has_names) => {
             Data::List(items.iter().map(|it| substitute(it, names, problems)).collect())
         }
-        Data::Table(entries) if entries.iter().any(|it| has_names(&it.value)) => Data::Table(
-            entries
-                .iter()
-                .map(|Entry { key, value }| Entry {
-                    key: key.clone(),
-                    value: substitute(value, names, problems),
-                })
-                .collect(),
-        ),
+        Data::Table(entries) if entries.iter().any(|it| has_names(&it.value)) => {
+            let entries = entries.iter().map(|Entry { key, value }| Entry {
+                key: key.clone(),
+                value: substitute(value, names, problems),
+            });
+            Data::Table(Arc::new(entries.collect()))
+        }
         _ => return value.clone(),
     };
     Value { data, ..value.clone() }

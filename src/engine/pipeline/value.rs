@@ -29,7 +29,8 @@ pub enum Data {
     Float(f64),
     Bool(bool),
     List(Arc<[Value]>),
-    Table(Arc<[Entry]>),
+    /// What is not shared any more can be taken apart without a copy.
+    Table(Arc<Vec<Entry>>),
     /// It depends on the item of an axis, and is filled in for every instance.
     Template(Arc<[Piece]>),
     /// Its mistake has been reported; nothing more is to be said of it.
@@ -140,17 +141,23 @@ impl Value {
 
     /// What it is, for a message: `the text "abc"`.
     pub fn describe(&self) -> String {
-        match &self.data {
-            Data::Text(text) if text.chars().count() <= 40 => format!("the text \"{text}\""),
-            Data::Text(_) => "a text".to_owned(),
-            Data::Integer(value) => value.to_string(),
-            Data::Float(value) => format!("{value:?}"),
-            Data::Bool(value) => value.to_string(),
-            Data::List(items) if items.len() == 1 => "a list of 1 value".to_owned(),
-            Data::List(items) => format!("a list of {} values", items.len()),
-            Data::Table(_) => "a table".to_owned(),
-            Data::Template(_) => "a value that depends on an axis".to_owned(),
-            Data::Broken => "broken".to_owned(),
+        self.data.describe()
+    }
+}
+
+impl Data {
+    pub fn describe(&self) -> String {
+        match self {
+            Self::Text(text) if text.chars().count() <= 40 => format!("the text \"{text}\""),
+            Self::Text(_) => "a text".to_owned(),
+            Self::Integer(value) => value.to_string(),
+            Self::Float(value) => format!("{value:?}"),
+            Self::Bool(value) => value.to_string(),
+            Self::List(items) if items.len() == 1 => "a list of 1 value".to_owned(),
+            Self::List(items) => format!("a list of {} values", items.len()),
+            Self::Table(_) => "a table".to_owned(),
+            Self::Template(_) => "a value that depends on an axis".to_owned(),
+            Self::Broken => "broken".to_owned(),
         }
     }
 }

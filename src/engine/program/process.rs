@@ -141,7 +141,7 @@ impl Process {
     /// How it ended, if it has; what it left running is killed.
     pub fn ended(&mut self) -> Option<End> {
         if self.status.is_none() && has_exited(self.child.id()) {
-            self.kill();
+            self.reap();
         }
         self.status.map(End::from)
     }
@@ -158,8 +158,14 @@ impl Process {
         for pid in [id].into_iter().chain(descendants) {
             send_kill(pid);
         }
+        self.reap();
+    }
+
+    /// Kills its group and takes its status. After an exit of its own that is all that can be found: the
+    /// system has given its children away, and looking through `/proc` costs more than a short program.
+    fn reap(&mut self) {
         if self.has_group {
-            send_kill(-id);
+            send_kill(-self.child.id().cast_signed());
         }
         self.status = self.child.wait().ok();
     }

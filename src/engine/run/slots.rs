@@ -13,7 +13,6 @@ use crate::engine::{
     digest::Digest,
     events::{Failure, Outcome},
     graph::Graph,
-    key::Key,
     plan::{Outputs, Reason},
     store::Claim,
 };
@@ -47,7 +46,8 @@ pub struct Slot {
     pub reserved: u64,
     /// Bytes of its outputs that wait to be written.
     pub pending: u64,
-    pub key: Option<(Digest, Key)>,
+    /// Its text is there if it runs, unless that was lost with the entry that it was stored with.
+    pub key: Option<(Digest, Option<String>)>,
     pub reason: Reason,
     pub work: Work,
     pub claim: Option<Claim>,
@@ -121,36 +121,74 @@ impl Slot {
 /// All instances' states, and who reads whom.
 pub struct Slots {
     slots: Vec<Slot>,
-    producers: Vec<Vec<NodeIndex>>,
-    consumers: Vec<Vec<NodeIndex>>,
+    producers: Neighbours,
+    consumers: Neighbours,
+}
+
+/// A list of instances for every instance, all of them in one: most are short, and there are many.
+#[derive(Default)]
+struct Neighbours {
+    ends: Vec<usize>,
+    all: Vec<NodeIndex>,
+}
+
+impl Neighbours {
+    /// Adds the list of the next instance.
+    fn push(&mut self, list: impl IntoIterator<Item = NodeIndex>) {
+        self.all.extend(list);
+        self.ends.push(self.all.len());
+    }
+
+    fn of(&self, index: NodeIndex) -> &[NodeIndex] {
+        let end = self.ends[index.index()];
+        let start = index.index().checked_sub(1).map_or(0, |it| self.ends[it]);
+        &self.all[start..end]
+    }
+
+    /// For every instance, in whose lists it is; ascending.
+    fn reversed(&self) -> Self {
+        let n = self.ends.len();
+        let mut next = vec![0; n + 1];
+        self.all.iter().for_each(|it| next[it.index() + 1] += 1);
+        for index in 0..n {
+            next[index + 1] += next[index];
+        }
+        let (ends, mut all) = (next[1..].to_vec(), vec![NodeIndex::default(); self.all.len()]);
+        for index in (0..n).map(NodeIndex::new) {
+            for neighbour in self.of(index) {
+                let place = &mut next[neighbour.index()];
+                all[*place] = index;
+                *place += 1;
+            }
+        }
+        Self { ends, all }
+    }
 }
 
 impl Slots {
     pub fn new(graph: &Graph, wanted: &BTreeSet<NodeIndex>) -> Self {
         let n = graph.instances.node_count();
-        let mut res = Self {
-            slots: Vec::with_capacity(n),
-            producers: vec![Vec::new(); n],
-            consumers: vec![Vec::new(); n],
-        };
-        for &index in wanted {
-            let sources = graph.instances[index].inputs.values().flatten();
-            let mut producers: Vec<NodeIndex> = sources.map(|it| it.instance).collect();
-            producers.sort();
-            producers.dedup();
-            for producer in &producers {
-                res.consumers[producer.index()].push(index);
+        let (mut producers, mut sources) = (Neighbours::default(), Vec::new());
+        for index in graph.instances.node_indices() {
+            sources.clear();
+            if wanted.contains(&index) {
+                let inputs = graph.instances[index].inputs.values().flatten();
+                sources.extend(inputs.map(|it| it.instance));
+                sources.sort_unstable();
+                sources.dedup();
             }
-            res.producers[index.index()] = producers;
+            producers.push(sources.iter().copied());
         }
+        let consumers = producers.reversed();
+        let mut res = Self { slots: Vec::with_capacity(n), producers, consumers };
         let mut exports = vec![0; n];
         for rule in &graph.outputs {
             exports[rule.from.instance.index()] += 1;
         }
-        for index in 0..n {
-            let readers = res.consumers[index].len() + exports[index];
-            let mut slot = Slot::new(res.producers[index].len(), readers);
-            if !wanted.contains(&NodeIndex::new(index)) {
+        for index in graph.instances.node_indices() {
+            let readers = res.consumers.of(index).len() + exports[index.index()];
+            let mut slot = Slot::new(res.producers.of(index).len(), readers);
+            if !wanted.contains(&index) {
                 slot.outcome = Some(Outcome::NotWanted);
             }
             res.slots.push(slot);
@@ -159,11 +197,11 @@ impl Slots {
     }
 
     pub fn producers(&self, of: NodeIndex) -> Vec<NodeIndex> {
-        self.producers[of.index()].clone()
+        self.producers.of(of).to_vec()
     }
 
     pub fn consumers(&self, of: NodeIndex) -> Vec<NodeIndex> {
-        self.consumers[of.index()].clone()
+        self.consumers.of(of).to_vec()
     }
 
     pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut Slot> {

@@ -1,6 +1,7 @@
 //! The append-only log: many small records in few files, and their index in memory.
 
 use std::{
+    borrow::Cow,
     collections::HashMap,
     fs::File,
     hash::{BuildHasherDefault, Hasher},
@@ -28,11 +29,20 @@ pub enum RecordKind {
     LastKey = 4,
     Exported = 5,
     Facts = 6,
+    /// State of an object's file -> digest of the object that it was found to be.
+    Checked = 7,
 }
 
 impl RecordKind {
-    const ALL: [Self; 6] =
-        [Self::Entry, Self::Object, Self::FileDigest, Self::LastKey, Self::Exported, Self::Facts];
+    const ALL: [Self; 7] = [
+        Self::Entry,
+        Self::Object,
+        Self::FileDigest,
+        Self::LastKey,
+        Self::Exported,
+        Self::Facts,
+        Self::Checked,
+    ];
 }
 
 const MAGIC: &[u8; 8] = b"SINEWLG1";
@@ -221,25 +231,34 @@ impl Log {
 
     /// The payload of the newest record, if it is whole.
     pub fn get(&mut self, kind: RecordKind, digest: &Digest) -> Option<Vec<u8>> {
-        let place = *self.index.get(&(kind, *digest))?;
-        match self.read(&place) {
-            Ok(payload) if check_of(&payload) == place.check => Some(payload),
-            _ => {
-                self.forget(kind, digest);
-                None
-            }
-        }
+        self.view(kind, digest, <[u8]>::to_vec)
     }
 
-    fn read(&self, place: &Place) -> io::Result<Vec<u8>> {
+    /// Looks at the payload of the newest record where it lies, if it is whole.
+    pub fn view<T>(
+        &mut self,
+        kind: RecordKind,
+        digest: &Digest,
+        look: impl FnOnce(&[u8]) -> T,
+    ) -> Option<T> {
+        let place = *self.index.get(&(kind, *digest))?;
+        let payload = self.read(&place).ok().filter(|it| check_of(it) == place.check);
+        let res = payload.map(|it| look(&it));
+        if res.is_none() {
+            self.forget(kind, digest);
+        }
+        res
+    }
+
+    fn read(&self, place: &Place) -> io::Result<Cow<'_, [u8]>> {
         let segment = &self.segments[place.segment as usize];
         let range = place.offset as usize..place.offset as usize + place.length as usize;
         if let Some(mapped) = segment.map.as_ref().and_then(|it| it.get(range)) {
-            return Ok(mapped.to_vec());
+            return Ok(mapped.into());
         }
         let mut payload = vec![0; place.length as usize];
         self.disk.read_at(&segment.file, &segment.path, &mut payload, place.offset)?;
-        Ok(payload)
+        Ok(payload.into())
     }
 
     /// Appends records with one write; either all of them or none.

@@ -24,12 +24,17 @@ mod log;
 mod objects;
 pub mod pins;
 mod uses;
+mod witness;
 
 use std::{
+    borrow::Cow,
     collections::HashSet,
     io,
     path::{Path, PathBuf},
-    sync::{Arc, Mutex},
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicBool, Ordering},
+    },
     time::{SystemTime, UNIX_EPOCH},
 };
 
@@ -40,11 +45,11 @@ use claims::Claims;
 use disk::Disk;
 use gate::{Gate, Pass};
 use log::{Log, RecordKind};
-pub use objects::{Bytes, ObjectError};
+pub use objects::ObjectError;
 use uses::Uses;
 
 use super::{
-    artifact::{ArtifactType, digest_of},
+    artifact::{ArtifactType, Bytes, digest_of},
     digest::Digest,
 };
 
@@ -95,6 +100,26 @@ pub struct EntryOutput {
     pub bytes: u64,
 }
 
+/// What an entry says of its artifacts, read where it lies.
+#[derive(Debug, Deserialize)]
+pub struct EntryOutputs<'a> {
+    #[serde(borrow)]
+    pub outputs: Vec<OutputView<'a>>,
+    #[serde(default)]
+    pub absent: Vec<(String, String)>,
+}
+
+/// An [`EntryOutput`] where it lies.
+#[derive(Debug, Deserialize)]
+pub struct OutputView<'a> {
+    #[serde(borrow)]
+    pub port: Cow<'a, str>,
+    #[serde(borrow, rename = "type")]
+    pub ty: Cow<'a, str>,
+    pub digest: Digest,
+    pub bytes: u64,
+}
+
 /// Why the store cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot {action} `{path}`: {error}")]
@@ -135,6 +160,8 @@ pub struct Store {
     damaged: Mutex<HashSet<Digest>>,
     /// The same of large objects, for people.
     damage: Mutex<Vec<String>>,
+    /// Objects are checked although they were before.
+    checks_again: AtomicBool,
 }
 
 /// Objects up to this size live in the log: a file of their own would cost more than they do.
@@ -179,6 +206,7 @@ impl Store {
             uses: Mutex::default(),
             damaged: Mutex::default(),
             damage: Mutex::default(),
+            checks_again: AtomicBool::new(false),
         })
     }
 
@@ -231,6 +259,19 @@ impl Store {
         Entry::from_payload(&payload).map(Arc::new)
     }
 
+    /// Looks at the artifacts of an entry. That is all that a run asks of most of them, so neither the key
+    /// nor the rest is read.
+    pub fn outputs<T>(
+        &self,
+        key: &Digest,
+        look: impl FnOnce(&EntryOutputs<'_>) -> Option<T>,
+    ) -> Option<T> {
+        self.log().view(RecordKind::Entry, key, |payload| {
+            let line = payload.split(|&it| it == b'\n').next()?;
+            look(&serde_json::from_slice(line).ok()?)
+        })?
+    }
+
     /// Sees what other processes have written since; costs little if nobody has.
     ///
     /// # Errors
@@ -249,7 +290,13 @@ impl Store {
         Some(objects::path(&self.dir, digest)).filter(|it| it.is_file())
     }
 
-    /// The bytes of an object, checked against its digest.
+    /// From now on, objects are held against their digests at every reading, whatever was found before.
+    pub fn check_again(&self) {
+        self.checks_again.store(true, Ordering::Relaxed);
+    }
+
+    /// The bytes of an object, checked against its digest: now, or before if its file looks the same as
+    /// it did then.
     ///
     /// # Errors
     /// If it is missing or damaged. A damaged object is set aside, so that it is made again.
@@ -272,12 +319,28 @@ impl Store {
             return Err(ObjectError::Damaged { path: self.dir.join("log"), digest: *digest });
         }
         drop(log);
-        let res = objects::read(&self.disk, &self.dir, self.access, ty, digest);
+        let res = self.read_file(ty, digest);
         if let Err(error @ (ObjectError::Damaged { .. } | ObjectError::Unreadable { .. })) = &res {
             let mut damage = self.damage.lock().expect("nobody panics while it is held");
             damage.push(error.to_string());
         }
         res
+    }
+
+    fn read_file(&self, ty: ArtifactType, digest: &Digest) -> Result<Bytes, ObjectError> {
+        let object = objects::open(&self.disk, &self.dir, digest)?;
+        let witness = witness::subject(&object, ty);
+        let is_known = |it: &Digest| self.recall(Note::Checked, it).as_deref() == Some(&digest.0);
+        if !self.checks_again.load(Ordering::Relaxed) && witness.as_ref().is_some_and(is_known) {
+            return Ok(Bytes::Mapped(object.map));
+        }
+        let bytes = object.check(&self.disk, self.access, ty)?;
+        if let Some(subject) = witness
+            && let Err(error) = self.remember(vec![(Note::Checked, subject, digest.0.to_vec())])
+        {
+            tracing::debug!(%error, "a check of an object is not remembered");
+        }
+        Ok(bytes)
     }
 
     /// Whether an object was found damaged and set aside, by this process or an earlier one.
@@ -307,7 +370,7 @@ impl Store {
                 if bytes.len() > SMALL_OBJECT {
                     objects::write(&self.disk, &self.dir, &digest, &bytes)?;
                 } else if !self.log().has(RecordKind::Object, &digest) {
-                    records.push((RecordKind::Object, digest, bytes));
+                    records.push((RecordKind::Object, digest, bytes.into_vec()));
                 }
             }
             records.push((RecordKind::Entry, key, entry.to_payload()));
@@ -358,7 +421,7 @@ impl Store {
 pub struct NewEntry {
     pub key: Digest,
     pub entry: Entry,
-    pub objects: Vec<(Digest, Vec<u8>)>,
+    pub objects: Vec<(Digest, Bytes)>,
 }
 
 /// A kind of small fact.
@@ -372,6 +435,8 @@ pub enum Note {
     Exported,
     /// About a question to the machine: the answer, and what it was read from.
     Facts,
+    /// About the state of an object's file: the object that it was found to be.
+    Checked,
 }
 
 impl Note {
@@ -381,6 +446,7 @@ impl Note {
             Self::LastKey => RecordKind::LastKey,
             Self::Exported => RecordKind::Exported,
             Self::Facts => RecordKind::Facts,
+            Self::Checked => RecordKind::Checked,
         }
     }
 }

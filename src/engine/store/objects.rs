@@ -1,8 +1,8 @@
 //! Large objects: one file each, named by its digest.
 
 use std::{
-    fs, io,
-    ops::Deref,
+    fs::{self, File},
+    io,
     path::{Path, PathBuf},
 };
 
@@ -10,26 +10,9 @@ use memmap2::Mmap;
 
 use super::{Access, StoreError, disk::Disk};
 use crate::engine::{
-    artifact::{ArtifactType, digest_of},
+    artifact::{ArtifactType, Bytes, digest_of},
     digest::Digest,
 };
-
-/// Stored bytes: a mapped file, or a copy from the log.
-pub enum Bytes {
-    Mapped(Mmap),
-    Owned(Vec<u8>),
-}
-
-impl Deref for Bytes {
-    type Target = [u8];
-
-    fn deref(&self) -> &[u8] {
-        match self {
-            Self::Mapped(bytes) => bytes,
-            Self::Owned(bytes) => bytes,
-        }
-    }
-}
 
 /// Why an object cannot be had.
 #[derive(Debug, thiserror::Error)]
@@ -48,14 +31,16 @@ pub fn path(store: &Path, digest: &Digest) -> PathBuf {
     store.join("objects").join(&name[..2]).join(format!("{name}.safetensors"))
 }
 
-/// Reads an object; a damaged one is set aside unless the store is only read.
-pub fn read(
-    disk: &Disk,
-    store: &Path,
-    access: Access,
-    ty: ArtifactType,
-    digest: &Digest,
-) -> Result<Bytes, ObjectError> {
+/// An object that is mapped and not checked yet.
+pub struct Unchecked {
+    pub path: PathBuf,
+    pub file: File,
+    pub map: Mmap,
+    digest: Digest,
+}
+
+/// Maps the file of an object.
+pub fn open(disk: &Disk, store: &Path, digest: &Digest) -> Result<Unchecked, ObjectError> {
     let path = path(store, digest);
     let file = match disk.open(&path) {
         Ok(file) => file,
@@ -65,18 +50,31 @@ pub fn read(
         Err(error) => return Err(ObjectError::Unreadable { path, error }),
     };
     // SAFETY: objects are never changed after the rename that brought them here.
-    let bytes = match unsafe { disk.map(&file, &path) } {
-        Ok(map) => Bytes::Mapped(map),
-        Err(error) => return Err(ObjectError::Unreadable { path, error }),
-    };
-    if digest_of(ty, &bytes) == *digest {
-        return Ok(bytes);
+    match unsafe { disk.map(&file, &path) } {
+        Ok(map) => Ok(Unchecked { path, file, map, digest: *digest }),
+        Err(error) => Err(ObjectError::Unreadable { path, error }),
     }
-    // Out of the way, so that the next writer finds its place free; kept, so that it can be studied.
-    if access == Access::ReadWrite {
-        let _ = disk.rename(&path, &path.with_extension("damaged"));
+}
+
+impl Unchecked {
+    /// The bytes, if they are what the digest says; a damaged object is set aside unless the store is
+    /// only read.
+    pub fn check(
+        self,
+        disk: &Disk,
+        access: Access,
+        ty: ArtifactType,
+    ) -> Result<Bytes, ObjectError> {
+        let Self { path, map, digest, .. } = self;
+        if digest_of(ty, &map) == digest {
+            return Ok(Bytes::Mapped(map));
+        }
+        // Out of the way, so that the next writer finds its place free; kept, so that it can be studied.
+        if access == Access::ReadWrite {
+            let _ = disk.rename(&path, &path.with_extension("damaged"));
+        }
+        Err(ObjectError::Damaged { path, digest })
     }
-    Err(ObjectError::Damaged { path, digest: *digest })
 }
 
 /// Writes an object, unless it is there already.

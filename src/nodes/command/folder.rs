@@ -199,7 +199,7 @@ impl Folder {
         }
         let bytes = fs::read(&path).map_err(|e| fail(format!("it cannot be read: {e}")))?;
         let kind = artifacts::kind(port.ty.name).expect("checked types are registered");
-        let artifact = artifacts::import(kind, extension, &bytes).map_err(fail)?;
+        let artifact = artifacts::import(kind, extension, bytes.into()).map_err(fail)?;
         io.put_any(port.name, artifact);
         Ok(())
     }

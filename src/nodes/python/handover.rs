@@ -6,15 +6,15 @@
 use std::{
     ffi::CStr,
     fs::File,
-    io::{self, Write},
+    io::{self, Read, Write},
     os::fd::{AsRawFd, FromRawFd},
 };
 
-use memmap2::Mmap;
+use memmap2::MmapOptions;
 use serde_json::{Map, Value as Json, json};
 
 use crate::artifacts;
-use crate::engine::artifact::AnyArtifact;
+use crate::engine::artifact::{AnyArtifact, Bytes};
 use crate::engine::node::{Labels, NodeError, NodeIo, Port};
 
 /// The inputs of a call. The files stay open as long as it lives.
@@ -85,7 +85,9 @@ impl Taken {
 
     pub fn request(&self) -> Json {
         let port = |(port, file): &(&'static Port, File)| {
-            (port.name.to_owned(), json!({ "type": port.ty.name, "path": path(file) }))
+            let ty = port.ty;
+            let output = json!({ "type": ty.name, "version": ty.version, "path": path(file) });
+            (port.name.to_owned(), output)
         };
         Json::Object(self.ports.iter().map(port).collect::<Map<String, Json>>())
     }
@@ -94,12 +96,11 @@ impl Taken {
     ///
     /// # Errors
     /// If it is no artifact of the port's type.
-    pub fn read(self) -> Result<Vec<(&'static str, (AnyArtifact, Vec<u8>))>, NodeError> {
+    pub fn read(self) -> Result<Vec<(&'static str, (AnyArtifact, Bytes))>, NodeError> {
         let read = |(port, file): (&Port, File)| {
-            // SAFETY: the call is over, and nobody else knows this memory.
-            let bytes = unsafe { Mmap::map(&file) }.map_err(no_memory)?;
+            let bytes = content(file).map_err(no_memory)?;
             let kind = artifacts::kind(port.ty.name).expect("checked types are registered");
-            let artifact = kind.import("safetensors", &bytes).map_err(|message| {
+            let artifact = kind.import("safetensors", bytes).map_err(|message| {
                 let (port, ty) = (port.name, port.ty.name);
                 NodeError::failed(format!("output `{port}` is no `{ty}`: {message}"))
             })?;
@@ -109,11 +110,31 @@ impl Taken {
     }
 }
 
+/// What lies in memory that the other side has written to; not copied if nobody can change it any more.
+fn content(mut file: File) -> io::Result<Bytes> {
+    if seal(&file) {
+        // A private map: older kernels refuse a shared one of sealed memory.
+        // SAFETY: sealed memory keeps its bytes and its length.
+        return Ok(Bytes::Mapped(unsafe { MmapOptions::new().map_copy_read_only(&file) }?));
+    }
+    // A script that maps files by itself may hold this one, too.
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes)?;
+    Ok(Bytes::Owned(bytes))
+}
+
+/// Makes memory so that nobody can change it; false if somebody has it mapped to write to it.
+fn seal(file: &File) -> bool {
+    let seals = libc::F_SEAL_WRITE | libc::F_SEAL_SHRINK | libc::F_SEAL_GROW;
+    // SAFETY: a plain system call on a descriptor of ours.
+    unsafe { libc::fcntl(file.as_raw_fd(), libc::F_ADD_SEALS, seals) == 0 }
+}
+
 /// Memory that can be opened as a file.
 fn memory(name: &CStr) -> io::Result<File> {
     // SAFETY: the name ends with a zero; the descriptor is ours alone.
     unsafe {
-        match libc::memfd_create(name.as_ptr(), libc::MFD_CLOEXEC) {
+        match libc::memfd_create(name.as_ptr(), libc::MFD_CLOEXEC | libc::MFD_ALLOW_SEALING) {
             -1 => Err(io::Error::last_os_error()),
             fd => Ok(File::from_raw_fd(fd)),
         }

@@ -145,7 +145,7 @@ def parts_of(type, value):
     if type == "files":
         files = {str(k): v.encode() if isinstance(v, str) else bytes(v) for k, v in value.items()}
         paths = sorted(files)
-        return {"file:" + it: bytes_array(files[it]) for it in paths}, {"paths": json.dumps(paths)}
+        return {"file:" + it: bytes_array(files[it]) for it in paths}, {"paths": compact(paths)}
     if type == "table":
         return table_parts(value)
     if not isinstance(value, dict):
@@ -155,7 +155,7 @@ def parts_of(type, value):
         if isinstance(item, str):
             texts[name] = item
         elif isinstance(item, (list, tuple)) and item and all(isinstance(it, str) for it in item):
-            texts[name] = json.dumps(list(item))
+            texts[name] = compact(list(item))
         elif is_scalar(item):
             texts[name] = str(item)
         else:
@@ -225,13 +225,21 @@ def table_parts(value):
         head = {"name": name, "unit": unit.rstrip("]"), "texts": texts}
         heads.append({**head, "marked": [], "decimals": None})
     table = numpy.array(numbers, "<f8").reshape(len(numbers), n_rows or 0)
-    return {"numbers": table}, {"columns": json.dumps(heads), "statistics": "0"}
+    return {"numbers": table}, {"columns": compact(heads), "statistics": "0"}
 
 
-def write_artifact(path, type, value):
+def compact(value):
+    """JSON to the byte as the other side writes it: what is equal need not be written again there."""
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
+
+
+def write_artifact(path, type, version, value):
     arrays, texts = parts_of(type, value)
     names = {dtype: name for name, dtype in DTYPES.items()}
-    header, offset = {"__metadata__": {**texts, "sinew.type": type}}, 0
+    texts = {**texts, "sinew.type": type, "sinew.version": str(version)}
+    # By their bytes, in which order strings compare there.
+    texts = sorted(texts.items(), key=lambda it: str(it[0]).encode(errors="surrogatepass"))
+    header, offset = {"__metadata__": dict(texts)}, 0
     # Large numbers first, so that all of them are aligned.
     arrays = sorted(arrays.items(), key=lambda it: -it[1].dtype.itemsize)
     for name, array in arrays:
@@ -239,7 +247,7 @@ def write_artifact(path, type, value):
         dtype = names[array.dtype.str if array.dtype.itemsize > 1 else "|u1"]
         header[name] = {"dtype": dtype, "shape": array.shape, "data_offsets": [offset, end]}
         offset = end
-    head = json.dumps(header).encode()
+    head = compact(header).encode(errors="surrogatepass")
     head += b" " * (-len(head) % 8)
     with open(path, "r+b", buffering=0) as file:
         file.truncate(0)
@@ -300,7 +308,7 @@ def call(module, request):
     results = by_port(result, request["outputs"])
     for port, output in request["outputs"].items():
         try:
-            write_artifact(output["path"], output["type"], results[port])
+            write_artifact(**output, value=results[port])
         except Mistake as mistake:
             raise Mistake(f"output `{port}`: {mistake}") from None
 

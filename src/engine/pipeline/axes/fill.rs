@@ -1,5 +1,7 @@
 //! The values of one instance: templates with their items put in.
 
+use std::sync::Arc;
+
 use super::{Axis, AxisId};
 use crate::engine::pipeline::value::{AxisField, Data, Entry, Piece, Value};
 
@@ -19,7 +21,7 @@ pub fn fill(value: &Value, axes: &[Axis], point: &Point) -> Value {
                 key: key.clone(),
                 value: fill(value, axes, point),
             });
-            Value { data: Data::Table(entries.collect()), ..value.clone() }
+            Value { data: Data::Table(Arc::new(entries.collect())), ..value.clone() }
         }
         _ => value.clone(),
     }

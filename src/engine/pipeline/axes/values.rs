@@ -41,7 +41,7 @@ pub fn read(value: &Value, reading: &mut Reading<'_>) -> Option<List> {
 
 /// One item a table. All tables have the same keys.
 fn read_tables(value: &Value, items: &[Value], reading: &mut Reading<'_>) -> Option<List> {
-    let tables: Vec<&Arc<[Entry]>> = items
+    let tables: Vec<&Arc<Vec<Entry>>> = items
         .iter()
         .filter_map(|it| if let Data::Table(entries) = &it.data { Some(entries) } else { None })
         .collect();

@@ -52,6 +52,8 @@ pub struct Coordinator<'a> {
     order: Vec<NodeIndex>,
     priorities: Vec<u64>,
     exports: Vec<Option<ExportOutcome>>,
+    /// Which exports an instance's outputs go to.
+    rules: HashMap<NodeIndex, Vec<usize>>,
     /// Instances whose producers are all known, and whose key is to be made.
     resolvable: VecDeque<NodeIndex>,
     ready: ReadyQueue,
@@ -117,6 +119,7 @@ impl<'a> Coordinator<'a> {
             order: topological_order(graph),
             priorities: Vec::new(),
             exports: vec![None; graph.outputs.len()],
+            rules: rules(graph),
             resolvable: VecDeque::new(),
             ready: ReadyQueue::default(),
             ready_exports: VecDeque::new(),
@@ -216,6 +219,14 @@ impl<'a> Coordinator<'a> {
     fn emit(&mut self, event: &Event<'_>) {
         self.observer.event(self.context.graph, event);
     }
+}
+
+fn rules(graph: &Graph) -> HashMap<NodeIndex, Vec<usize>> {
+    let mut res: HashMap<NodeIndex, Vec<usize>> = HashMap::new();
+    for (rule, output) in graph.outputs.iter().enumerate() {
+        res.entry(output.from.instance).or_default().push(rule);
+    }
+    res
 }
 
 impl Queues {

@@ -101,6 +101,10 @@ impl<'a> Coordinator<'a> {
             let digest = info.expect("what was lost was known").digest;
             let reason = Reason::of_loss(from.port, &digest, &self.memory);
             self.slots[from.instance].reason = reason;
+            if let Some((key, text @ None)) = &mut self.slots[from.instance].key {
+                // What was found in the store has its text there.
+                *text = self.memory.entry(key).map(|it| it.key.clone());
+            }
             self.start_work(from.instance);
         }
     }

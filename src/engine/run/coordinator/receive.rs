@@ -10,6 +10,7 @@ use petgraph::graph::NodeIndex;
 
 use super::Coordinator;
 use crate::engine::artifact::AnyArtifact;
+use crate::engine::artifact::Bytes;
 use crate::engine::digest::Digest;
 use crate::engine::events::Event;
 use crate::engine::events::Outcome;
@@ -189,27 +190,30 @@ impl<'a> Coordinator<'a> {
         }
     }
 
-    /// Hands a result to the writer; with a store that is only read, it stays in memory.
+    /// Hands a result to the writer; with a store that is only read, or without the text of its key, it
+    /// stays in memory.
     pub(super) fn store_result(
         &mut self,
         index: NodeIndex,
         outputs: &Outputs,
         live: &BTreeMap<&'static str, AnyArtifact>,
-        objects: Vec<(Digest, Vec<u8>)>,
+        objects: Vec<(Digest, Bytes)>,
         wall: Duration,
         notes: &[String],
     ) {
         let claim = self.slots[index].claim.take().unwrap_or_else(Claim::none);
+        let (key, text) = self.slots[index].key.as_ref().expect("what ran has a key");
+        let Some(text) = text.clone() else { return };
         if self.context.store.access() == Access::ReadOnly {
             return;
         }
+        let key = *key;
         let n_bytes = objects.iter().map(|it| it.1.len() as u64).sum::<u64>();
         self.slots[index].pending += n_bytes;
         self.pending_bytes += n_bytes;
         let kind = self.context.graph.instances[index].kind.spec.kind;
         let largest = self.largest_outputs.entry(kind).or_default();
         *largest = n_bytes.max(*largest);
-        let (key, text) = self.slots[index].key.as_ref().expect("what ran has a key");
         let list = outputs.artifacts.iter().map(|(port, info)| EntryOutput {
             port: (*port).to_owned(),
             ty: live[port].ty().name.to_owned(),
@@ -217,7 +221,7 @@ impl<'a> Coordinator<'a> {
             bytes: info.bytes,
         });
         let entry = Entry {
-            key: text.text(),
+            key: text,
             outputs: list.collect(),
             absent: outputs.absent.iter().map(|(k, v)| ((*k).to_owned(), v.clone())).collect(),
             notes: notes.to_vec(),
@@ -225,7 +229,7 @@ impl<'a> Coordinator<'a> {
             made: now_secs(),
             run: self.context.options.run_id.clone(),
         };
-        let write = Write { instance: index, entry: NewEntry { key: *key, entry, objects }, claim };
+        let write = Write { instance: index, entry: NewEntry { key, entry, objects }, claim };
         let queues = self.queues.as_ref().expect("what ran had a queue");
         queues.writes.send(write).expect("the writer lives as long as the run");
     }

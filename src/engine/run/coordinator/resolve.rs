@@ -23,42 +23,45 @@ impl<'a> Coordinator<'a> {
             if self.slots[index].outcome.is_some() {
                 continue;
             }
-            let instance = &self.context.graph.instances[index];
-            let producer = |it: NodeIndex| match &self.slots[it].failed {
-                Some(why) if instance.shows_missing => Producer::Failed(why),
-                _ => Producer::Known(
-                    self.slots[it].outputs.as_ref().expect("its producers are known"),
-                ),
-            };
-            let key = match plan::key_of(instance, producer, &self.memory) {
+            let key = match self.key_text(index) {
                 Ok(key) => key,
                 Err(error) => {
                     self.cannot_start(index, &error);
                     continue;
                 }
             };
-            let digest = Digest::of(key.text().as_bytes());
+            let digest = Digest::of(key.as_bytes());
             let forced = self.context.options.forced.contains(&index);
             let stored = if forced { None } else { self.stored_outputs(index, &digest) };
             if let Some(outputs) = stored {
-                self.slots[index].key = Some((digest, key));
+                self.slots[index].key = Some((digest, None));
                 let outcome = if self.planned { Outcome::CutOff } else { Outcome::Cached };
                 self.found(index, outputs, outcome);
             } else {
                 self.slots[index].reason = if forced {
                     Reason::Forced
                 } else {
-                    Reason::of_miss(&key, &digest, &instance.id(), &self.memory)
+                    let id = self.context.graph.instances[index].id();
+                    Reason::of_miss(&key, &digest, &id, &self.memory)
                 };
-                self.slots[index].key = Some((digest, key));
+                self.slots[index].key = Some((digest, Some(key)));
                 self.start_work(index);
             }
         }
     }
 
+    /// The text of the key of an instance whose producers are known.
+    pub(super) fn key_text(&self, index: NodeIndex) -> Result<String, KeyError> {
+        let instance = &self.context.graph.instances[index];
+        let producer = |it: NodeIndex| match &self.slots[it].failed {
+            Some(why) if instance.shows_missing => Producer::Failed(why),
+            _ => Producer::Known(self.slots[it].outputs.as_ref().expect("its producers are known")),
+        };
+        plan::key_of(instance, producer, &self.memory)
+    }
+
     pub(super) fn stored_outputs(&self, index: NodeIndex, key: &Digest) -> Option<Outputs> {
-        let entry = self.memory.entry(key)?;
-        Outputs::of_entry(&self.context.graph.instances[index], &entry)
+        self.memory.outputs(key, &self.context.graph.instances[index])
     }
 
     pub(super) fn cannot_start(&mut self, index: NodeIndex, error: &KeyError) {
@@ -82,7 +85,7 @@ impl<'a> Coordinator<'a> {
         for consumer in self.slots.consumers(index) {
             self.one_more_known(consumer);
         }
-        for rule in self.rules_of(index) {
+        for rule in self.rules.get(&index).cloned().unwrap_or_default() {
             self.plan_export(rule);
         }
     }
@@ -94,10 +97,5 @@ impl<'a> Coordinator<'a> {
         if slot.unknown_inputs == 0 {
             self.resolvable.push_back(consumer);
         }
-    }
-
-    pub(super) fn rules_of(&self, index: NodeIndex) -> Vec<usize> {
-        let rules = self.context.graph.outputs.iter().enumerate();
-        rules.filter(|it| it.1.from.instance == index).map(|it| it.0).collect()
     }
 }

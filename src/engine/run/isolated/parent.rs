@@ -10,6 +10,7 @@ use std::{
 
 use super::{ArtifactFile, Job, Line, WorkerProgram, memory_file};
 use crate::engine::{
+    artifact::Bytes,
     cancel::CancelToken,
     events::Failure,
     graph::Instance,
@@ -22,7 +23,7 @@ use crate::engine::{
         worker::{Context, JobInputs, JobResult, Value},
     },
     settings::{show_limit, show_memory},
-    store::{Bytes, ObjectError, Store},
+    store::{ObjectError, Store},
 };
 
 /// Runs an instance in a worker process.
@@ -247,7 +248,7 @@ impl Exchange<'_> {
             let kind = self.library.artifact_kind(port.ty.name);
             let kind = kind.expect("a checked pipeline has known types");
             let artifact = kind.decode(&bytes, None).map_err(|e| fail(&e))?;
-            res.artifacts.insert(port.name, (artifact, bytes));
+            res.artifacts.insert(port.name, (artifact, bytes.into()));
         }
         Ok(res)
     }
