@@ -99,8 +99,9 @@ fn stored_outputs(graph: &Graph, store: &Store, index: NodeIndex) -> Result<Outp
         Status::Cached { key } | Status::Run { key, .. } => Some(*key),
         _ => None,
     };
-    let outputs = |key| store.outputs(&key, |it| Outputs::of_entry(&graph.instances[index], it));
-    key.and_then(outputs).ok_or_else(|| {
+    let instance = &graph.instances[index];
+    let outputs = key.and_then(|key| store.outputs(&key, |it| Outputs::of_entry(instance, it)));
+    outputs.ok_or_else(|| {
         Failure::usage(format_args!(
             "there is no result of `{id}` for these parameters\nhint: `sinew run` computes it"
         ))
