@@ -219,7 +219,7 @@ fn places_name_the_lines_of_nodes_and_parameters() {
     let graph = load(&[("pipeline.toml", NESTED), ("parts/double.toml", DOUBLE)]);
     let instance = &graph.instances[graph.select("second/scaled")[0]];
     assert!(graph.show_place(&instance.place).ends_with("parts/double.toml:8"));
-    let factor = &instance.field_places["factor"];
+    let factor = instance.field_place("factor").expect("it is written");
     assert!(graph.show_place(factor).ends_with("pipeline.toml:6"));
 }
 
