@@ -158,6 +158,35 @@ fn an_embedded_skeleton_is_near_the_true_one() {
 }
 
 #[test]
+fn a_depth_video_moves_another_body() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), "transfer4d.toml", &["--set", "frames=8", "--set", "shown=6"]);
+    let out = folder.path().join("out/transfer4d");
+    let matched = column(&out.join("joints.csv"), "matched");
+    let n_matched = matched.iter().sum::<f64>();
+    assert!(matched.len() >= 15 && n_matched >= 0.9 * matched.len() as f64, "{matched:?}");
+    assert!(fs::read(out.join("target.glb")).unwrap().starts_with(b"glTF"));
+}
+
+#[test]
+fn a_bare_body_walks_by_its_curve_skeleton() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), "skeleton_matching.toml", &[]);
+    let out = folder.path().join("out/skeleton_matching");
+    // Two metres from corner to corner, so this is 3 % of the body's diagonal.
+    let error = column(&out.join("error.csv"), "local pose error at diagonal 2")[0];
+    assert!(error < 0.06, "{error}");
+    // Head, hands, feet, hips and chest; the mirrored match is second and far worse.
+    let matches = fs::read_to_string(out.join("matches.csv")).unwrap();
+    assert!(matches.lines().nth(1).unwrap().contains(",7,6,"), "{matches}");
+    let places: Vec<f64> = (matches.lines().skip(1).take(2))
+        .map(|line| line.split(',').nth(2).unwrap().parse().unwrap())
+        .collect();
+    assert!(places[1] > 1.5 * places[0], "{places:?}");
+    assert!(fs::read(out.join("target.glb")).unwrap().starts_with(b"glTF"));
+}
+
+#[test]
 fn every_pipeline_is_right() {
     let has_corpus = root().join("../shared/data/humans_posed").is_dir();
     let mut n_checked = 0;
