@@ -451,6 +451,38 @@ fn a_cache_that_vanishes_during_a_run_begins_again() {
     assert_eq!(bench.run().counts().cached, 5);
 }
 
+/// Removes the cache just before files are made in it, some times.
+struct VanishAtCreate {
+    cache: PathBuf,
+    times: AtomicUsize,
+}
+
+impl Faults for VanishAtCreate {
+    fn verdict(&self, operation: Operation, path: &Path) -> Verdict {
+        let is_result =
+            path.parent().is_some_and(|it| it != self.cache && it.starts_with(&self.cache));
+        let less = |it: usize| it.checked_sub(1);
+        if operation == Operation::Create
+            && is_result
+            && self.times.fetch_update(Ordering::SeqCst, Ordering::SeqCst, less).is_ok()
+        {
+            fs::remove_dir_all(&self.cache).unwrap();
+        }
+        Verdict::Go
+    }
+}
+
+#[test]
+fn a_cache_that_vanishes_between_the_making_of_a_folder_and_of_a_file_is_made_again() {
+    for times in 1..4 {
+        let bench = Bench::new();
+        let faults = VanishAtCreate { cache: bench.cache(), times: AtomicUsize::new(times) };
+        let report = bench.run_on(&Disk::with_faults(Arc::new(faults)), &[]).unwrap();
+        assert!(report.succeeded(), "{times}: {:?}", complaints(&report));
+        bench.assert_outputs("vanished");
+    }
+}
+
 // ---- housekeeping beside runs --------------------------------------------------------------------
 
 /// Collects everything that may go, when an instance has started.

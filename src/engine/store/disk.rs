@@ -14,6 +14,7 @@ use std::{
 
 use memmap2::{Mmap, MmapOptions};
 
+use super::StoreError;
 use crate::engine::digest::Digest;
 
 /// One thing that is asked of a disk.
@@ -76,6 +77,23 @@ impl Disk {
 
     pub fn make_folder(&self, path: &Path) -> io::Result<()> {
         if self.goes(Operation::MakeFolder, path)? { fs::create_dir_all(path) } else { Ok(()) }
+    }
+
+    /// Makes a folder and does something in it; again if somebody has removed the folder in between.
+    pub fn in_folder<T>(
+        &self,
+        folder: &Path,
+        act: impl Fn() -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        let mut attempt = 1;
+        loop {
+            self.make_folder(folder).map_err(StoreError::new("make the folder", folder))?;
+            match act() {
+                Err(it) if it.error.kind() == io::ErrorKind::NotFound && attempt < ATTEMPTS => {}
+                result => return result,
+            }
+            attempt += 1;
+        }
     }
 
     /// The paths in a folder, sorted.
@@ -243,6 +261,9 @@ pub const TEMPORARY: &str = ".sinew-";
 
 /// So many processes may write one file at the same moment.
 const MAX_WRITERS: usize = 1000;
+
+/// So often a folder is made again that vanishes while it is written to.
+const ATTEMPTS: usize = 5;
 
 /// A word for names that nobody else uses; nothing depends on it.
 pub fn unique_word() -> String {

@@ -360,18 +360,7 @@ impl Log {
     }
 
     fn new_segment(&mut self) -> Result<usize, StoreError> {
-        self.disk.make_folder(&self.dir).map_err(StoreError::new("make the folder", &self.dir))?;
-        // Numbered, so that whoever looks can tell old from new; the order does not matter.
-        let (path, file) = loop {
-            let number = self.segments.len();
-            let name = format!("{number:04}-{}.log", unique_word());
-            let path = self.dir.join(name);
-            match self.disk.create_new(&path) {
-                Ok(file) => break (path, file),
-                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-                Err(error) => return Err(StoreError::new("make", &path)(error)),
-            }
-        };
+        let (path, file) = self.disk.in_folder(&self.dir, || self.new_file())?;
         let fail = |what| StoreError::new(what, &path);
         if !self.disk.try_lock(&file, &path).map_err(fail("lock"))? {
             // Another was quicker to take over the empty file.
@@ -381,6 +370,20 @@ impl Log {
         self.push_segment(path, file, MAGIC.len() as u64);
         self.own = Some(self.segments.len() - 1);
         Ok(self.segments.len() - 1)
+    }
+
+    /// An empty file for a segment, with a name that nobody has.
+    fn new_file(&self) -> Result<(PathBuf, File), StoreError> {
+        loop {
+            // Numbered, so that whoever looks can tell old from new; the order does not matter.
+            let name = format!("{:04}-{}.log", self.segments.len(), unique_word());
+            let path = self.dir.join(name);
+            match self.disk.create_new(&path) {
+                Ok(file) => return Ok((path, file)),
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(StoreError::new("make", &path)(error)),
+            }
+        }
     }
 
     /// Writes the records that `keeps` chooses into a new segment and removes those they were in.

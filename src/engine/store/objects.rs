@@ -84,6 +84,7 @@ pub fn write(disk: &Disk, store: &Path, digest: &Digest, bytes: &[u8]) -> Result
         return Ok(());
     }
     let folder = path.parent().expect("an object lies in a folder");
-    disk.make_folder(folder).map_err(StoreError::new("make the folder", folder))?;
-    disk.write_whole(&path, bytes).map_err(StoreError::new("write", &path))
+    disk.in_folder(folder, || {
+        disk.write_whole(&path, bytes).map_err(StoreError::new("write", &path))
+    })
 }

@@ -46,7 +46,8 @@ impl SkeletonMatch {
         ratings: [f64; 2],
     ) -> Result<Self, SkeletonMatchError> {
         for (side, whose, n_nodes) in [(0, "source", n_source), (1, "target", n_target)] {
-            let along = branches.iter().flat_map(|it| if side == 0 { &it.source } else { &it.target });
+            let along =
+                branches.iter().flat_map(|it| if side == 0 { &it.source } else { &it.target });
             let mut ends: Vec<u32> = nodes.iter().map(|it| it[side]).collect();
             let is_beyond = |it: &u32| *it as usize >= n_nodes;
             if let Some(node) = ends.iter().chain(along).copied().find(is_beyond) {
