@@ -9,6 +9,7 @@ use crate::engine::node::{
     InputFile, Node, NodeError, NodeIo, OptionalInput, OptionalOutput, Output, Spec, extension_of,
 };
 use crate::kernels::depth::files::{CameraNotes, video_of};
+use crate::kernels::depth::names::{missing_pictures, natural_order};
 use crate::kernels::depth::{DepthVideo, read::EXTENSIONS};
 use crate::kernels::files::FileSet;
 use crate::kernels::io::anime::read_anime;
@@ -16,6 +17,7 @@ use crate::kernels::mesh_sequence::MeshSequence;
 
 /// Reads a depth video: pictures of a folder in the order of their names.
 ///
+/// Numbers in names count as numbers (`9.png` comes before `10.png`); a note tells where some are missing.
 /// 16-bit grey PNG in millimetres (or `depth_unit_mm` of them) or EXR in metres, channel `Z`; 0 is no
 /// measurement. `path` names a JSON file of notes beside the folder with the camera's `fx`, `fy`,
 /// `cx`, `cy` (pixels), `fps` and `depth_unit_mm`; parameters of these names come before the notes.
@@ -70,14 +72,15 @@ impl LoadDepth {
         CameraNotes { fx, fy, cx, cy, fps, depth_unit_mm }
     }
 
-    /// The pictures beside a file of notes, sorted by name.
+    /// The pictures beside a file of notes, in their order.
     fn pictures_beside(&self, notes: &Path) -> Vec<PathBuf> {
         let folder = notes.with_file_name(self.folder.as_deref().unwrap_or("depth"));
         let mut paths: Vec<PathBuf> = std::fs::read_dir(folder)
             .map(|entries| entries.filter_map(|it| Some(it.ok()?.path())).collect())
             .unwrap_or_default();
         paths.retain(|it| EXTENSIONS.contains(&extension_of(it).as_str()));
-        paths.sort();
+        let name = |it: &PathBuf| it.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        paths.sort_by(|a, b| natural_order(&name(a), &name(b)));
         paths
     }
 
@@ -111,8 +114,11 @@ impl LoadDepth {
                         .map_err(|e| NodeError::failed(format!("`{name}`: {e}")))?,
                     None => CameraNotes::default(),
                 };
-                let pictures = files.files.iter().filter(|it| is(it.0, &EXTENSIONS));
-                let pictures = self.chosen(pictures.map(|(k, v)| (k.clone(), v.clone())));
+                let mut pictures: Vec<_> =
+                    files.files.iter().filter(|it| is(it.0, &EXTENSIONS)).collect();
+                pictures.sort_by(|a, b| natural_order(a.0, b.0));
+                let pictures = pictures.into_iter().map(|(k, v)| (k.clone(), v.clone()));
+                let pictures = self.chosen(pictures);
                 Ok((pictures, self.given().or(notes)))
             }
             _ => Err(NodeError::failed("give either the parameter `path` or the wire `files`")),
@@ -145,7 +151,7 @@ impl LoadDepth {
 impl Node for LoadDepth {
     const SPEC: Spec = Spec {
         kind: "load_depth",
-        version: 1,
+        version: 2,
         inputs: &[Self::FILES.port()],
         outputs: &[Self::VIDEO.port(), Self::TRUTH.port()],
         cites: &[],
@@ -167,6 +173,9 @@ impl Node for LoadDepth {
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
         let (pictures, notes) = self.read(io)?;
         let video = video_of(&pictures, &notes)?;
+        if let Some(note) = missing_pictures(pictures.iter().map(|it| it.0.as_str())) {
+            io.note(note);
+        }
         let truth = self.read_truth(io, &video)?;
         io.put(Self::VIDEO, video);
         io.put_optional(Self::TRUTH, truth, "no `truth` was given");

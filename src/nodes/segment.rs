@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
 use crate::kernels::depth::DepthVideo;
-use crate::kernels::depth::segment::{SegmentOptions, segment};
+use crate::kernels::depth::segment::{SegmentOptions, Segmented, segment};
 use crate::kernels::depth::smooth::smooth_video;
 
 /// Cuts a subject out of a depth video: a depth range, a region, the largest connected component.
@@ -86,7 +86,17 @@ far = 6.0
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
         let Self { near, far, step, region, largest, .. } = *self;
         let video = io.get(Self::VIDEO);
-        let subject = segment(&video, &SegmentOptions { near, far, step, region, largest })?;
+        let options = SegmentOptions { near, far, step, region, largest };
+        let Segmented { video: subject, rivalled } = segment(&video, &options)?;
+        if let Some(frame) = rivalled.first() {
+            let n = rivalled.len();
+            io.note(format!(
+                "in {n} of {} frames, first in frame {frame}, another object is at least half as large \
+                 as the one that stays; `region`, `near` and `far` choose one, `largest = false` \
+                 keeps all",
+                video.n_frames()
+            ));
+        }
         let subject = match self.smoothing {
             0 => subject,
             radius => smooth_video(&subject, self.gate, radius)?,

@@ -7,6 +7,7 @@ pub mod camera;
 pub mod files;
 pub mod film;
 pub mod mesh;
+pub mod names;
 pub mod noise;
 pub mod portrait;
 pub mod raster;

@@ -27,26 +27,39 @@ impl Default for SegmentOptions {
     }
 }
 
+/// A video of one subject.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Segmented {
+    pub video: DepthVideo,
+    /// The frames in which another component was at least half as large as the one that stayed.
+    pub rivalled: Vec<usize>,
+}
+
 /// Sets to 0 whatever is outside the depth range, the region, or the largest connected component
 /// (8 neighbours) of its frame. Of equally large components the one that a scan meets first stays.
 ///
 /// # Errors
 /// [`DepthError`] does not occur for a valid video.
-pub fn segment(video: &DepthVideo, options: &SegmentOptions) -> Result<DepthVideo, DepthError> {
+pub fn segment(video: &DepthVideo, options: &SegmentOptions) -> Result<Segmented, DepthError> {
     let width = video.width();
-    let frames: Vec<Vec<f32>> = (0..video.n_frames())
+    let (frames, shares): (Vec<Vec<f32>>, Vec<f64>) = (0..video.n_frames())
         .into_par_iter()
         .map(|frame| {
             let mut depths = video.frame(frame).to_vec();
             cut(&mut depths, width, options);
-            if options.largest {
-                keep_largest(&mut depths, width, options.step);
-            }
-            depths
+            let share = match options.largest {
+                true => keep_largest(&mut depths, width, options.step),
+                false => 0.0,
+            };
+            (depths, share)
         })
-        .collect();
-    video.with_frames(frames)
+        .unzip();
+    let rivalled = (0..shares.len()).filter(|&it| shares[it] >= RIVAL).collect();
+    Ok(Segmented { video: video.with_frames(frames)?, rivalled })
 }
+
+/// From this share of the largest component's pixels on, another one may as well be the subject.
+const RIVAL: f64 = 0.5;
 
 /// Applies the depth range and the region.
 fn cut(depths: &mut [f32], width: usize, options: &SegmentOptions) {
@@ -61,11 +74,12 @@ fn cut(depths: &mut [f32], width: usize, options: &SegmentOptions) {
     }
 }
 
-/// Keeps the largest component of pixels whose neighbours are less than `step` nearer or farther.
-fn keep_largest(depths: &mut [f32], width: usize, step: f64) {
+/// Keeps the largest component of pixels whose neighbours are less than `step` nearer or farther; returns
+/// the size of the next one as a share of it.
+fn keep_largest(depths: &mut [f32], width: usize, step: f64) -> f64 {
     let height = depths.len() / width;
     let mut labels = vec![0_u32; depths.len()];
-    let (mut n_labels, mut best, mut best_size) = (0, 0, 0);
+    let (mut n_labels, mut best, mut best_size, mut next_size) = (0, 0, 0_usize, 0_usize);
     let mut queue = VecDeque::new();
     for seed in 0..depths.len() {
         if depths[seed] == 0.0 || labels[seed] != 0 {
@@ -90,7 +104,10 @@ fn keep_largest(depths: &mut [f32], width: usize, step: f64) {
             }
         }
         if size > best_size {
+            next_size = best_size;
             (best, best_size) = (n_labels, size);
+        } else {
+            next_size = next_size.max(size);
         }
     }
     for (depth, label) in depths.iter_mut().zip(labels) {
@@ -98,6 +115,7 @@ fn keep_largest(depths: &mut [f32], width: usize, step: f64) {
             *depth = 0.0;
         }
     }
+    next_size as f64 / best_size.max(1) as f64
 }
 
 #[cfg(test)]
@@ -116,7 +134,8 @@ mod tests {
         ];
         let video = DepthVideo::new([5, 3], camera, 30.0, vec![depths, vec![0.0; 15]]).unwrap();
         let options = SegmentOptions { far: 5.0, ..SegmentOptions::default() };
-        let cut = segment(&video, &options).unwrap();
+        let Segmented { video: cut, rivalled } = segment(&video, &options).unwrap();
+        assert_eq!(rivalled, [0], "three pixels beside four");
         #[rustfmt::skip]
         let expected = [
             0.0, 0.0, 0.0, 2.0, 2.02,
@@ -127,6 +146,7 @@ mod tests {
         assert_eq!(cut.frame(1), [0.0; 15], "an empty frame stays empty");
         let options = SegmentOptions { region: Some([0, 0, 2, 2]), ..options };
         let left = segment(&video, &options).unwrap();
-        assert_eq!(left.frame(0).iter().filter(|it| **it > 0.0).count(), 3);
+        assert!(left.rivalled.is_empty());
+        assert_eq!(left.video.frame(0).iter().filter(|it| **it > 0.0).count(), 3);
     }
 }
