@@ -2,11 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{
-    Exit, Failure,
-    pipeline_args::SettingsArgs,
-    ui::{Ui, count},
-};
+use super::{Exit, Failure, pipeline_args::SettingsArgs, ui::Ui, words::count};
 use crate::{LIBRARY, engine::pipeline};
 
 /// Check pipelines without running them

@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, fmt::Write};
 
 use serde_json::json;
 
-use super::{Exit, Failure, LIBRARY, Ui, common::StoreArgs, runs, ui::count};
+use super::{Exit, Failure, LIBRARY, Ui, common::StoreArgs, runs, words::count};
 use crate::{
     engine::{
         clock::show_secs,

@@ -25,6 +25,7 @@ mod told;
 mod ui;
 mod verify;
 mod watch;
+mod words;
 mod worker;
 
 use std::{path::PathBuf, process::ExitCode};

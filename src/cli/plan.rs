@@ -10,9 +10,9 @@ use super::{
     Exit, Failure, Ui,
     common::{self, StoreArgs},
     pipeline_args::PipelineArgs,
-    progress::Detail,
     style,
-    ui::count,
+    ui::Detail,
+    words::count,
 };
 use crate::engine::{
     clock::show_secs,

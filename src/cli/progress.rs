@@ -9,7 +9,11 @@ use std::{
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use petgraph::graph::NodeIndex;
 
-use super::{style, summary::go_on};
+use super::{
+    style,
+    ui::Detail,
+    words::{go_on, show_failure},
+};
 use crate::engine::{
     clock::{show_bytes, show_duration},
     events::{Event, ExportOutcome, Failure, Observer, Outcome},
@@ -17,17 +21,6 @@ use crate::engine::{
     settings::show_limit,
     why::{self, Places, Standing, Why},
 };
-
-/// How much is shown.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Detail {
-    /// Failures only.
-    Quiet,
-    /// What ran and what was written.
-    Normal,
-    /// What was cached as well, and every start.
-    Verbose,
-}
 
 /// Shows a run on a terminal or in a log.
 pub struct Progress {
@@ -143,7 +136,7 @@ impl Progress {
     }
 
     fn stopping(&self, n_running: usize) {
-        let nodes = super::ui::count(n_running, "running node");
+        let nodes = super::words::count(n_running, "running node");
         let text = match n_running {
             0 => "nothing is running".to_owned(),
             _ => format!("waits for {nodes}; Ctrl-C again ends at once"),
@@ -165,14 +158,6 @@ impl Progress {
             }
             _ => {}
         }
-    }
-}
-
-/// A failure's message; a panic is called the bug that it is.
-pub fn show_failure(failure: &Failure) -> String {
-    match failure {
-        Failure::Node(message) | Failure::Environment(message) => message.clone(),
-        Failure::Panic(message) => format!("this is a bug of Sinew, please report it: {message}"),
     }
 }
 

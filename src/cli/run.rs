@@ -142,7 +142,7 @@ impl Watch {
         if let Some(recorder) = self.recorder {
             recorder.done(report);
         }
-        if ui.detail != super::progress::Detail::Quiet {
+        if ui.detail != super::ui::Detail::Quiet {
             summarize(report, graph, &args.pipeline, run_id);
         }
     }

@@ -4,7 +4,11 @@ use std::{collections::BTreeMap, io::Write, path::Path};
 
 use petgraph::graph::NodeIndex;
 
-use super::{pipeline_args::PipelineArgs, progress::show_failure, style};
+use super::{
+    pipeline_args::PipelineArgs,
+    style,
+    words::{go_on, show_failure},
+};
 use crate::engine::{
     clock::show_duration,
     events::{Outcome, RunReport},
@@ -37,11 +41,6 @@ pub fn summarize(report: &RunReport, graph: &Graph, args: &PipelineArgs, run_id:
         let n_wanted = n_done + counts.failed + counts.skipped;
         line(style::WARN, "stopped", &go_on(n_done, n_wanted));
     }
-}
-
-/// What to do about a run that was stopped.
-pub fn go_on(n_done: usize, n_wanted: usize) -> String {
-    format!("run the same command again to go on: {n_done} of {n_wanted} nodes are done")
 }
 
 fn line(style: anstyle::Style, word: &str, rest: &str) {

@@ -5,7 +5,7 @@ use std::io::{IsTerminal, Write};
 use anstream::ColorChoice;
 use clap::ValueEnum;
 
-use super::{Failure, GlobalArgs, progress::Detail};
+use super::{Failure, GlobalArgs, words::count};
 use crate::engine::pipeline::Diagnostics;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -25,6 +25,17 @@ pub enum ProgressStyle {
     Plain,
     /// Nothing but failures
     None,
+}
+
+/// How much is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Detail {
+    /// Failures only.
+    Quiet,
+    /// What ran and what was written.
+    Normal,
+    /// What was cached as well, and every start.
+    Verbose,
 }
 
 /// The global flags and the two streams.
@@ -105,11 +116,6 @@ impl Ui {
             }
         }
     }
-}
-
-/// `1 mistake`, `2 mistakes`.
-pub fn count(n: usize, what: &str) -> String {
-    if n == 1 { format!("{n} {what}") } else { format!("{n} {what}s") }
 }
 
 /// The developers' log on standard error: `-v`, `-vv` or `SINEW_LOG` in the form of `RUST_LOG`.

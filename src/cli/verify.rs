@@ -9,10 +9,10 @@ use super::{
     Exit, Failure, LIBRARY, Ui,
     common::{self, StoreArgs},
     pipeline_args::PipelineArgs,
-    progress::Detail,
     run::{available_threads, default_memory},
     style,
-    ui::count,
+    ui::Detail,
+    words::count,
 };
 use crate::engine::{
     graph::Graph,

@@ -17,7 +17,8 @@ use crossbeam_channel::Receiver;
 use super::{
     Exit, Failure,
     run::{self, Args as RunArgs},
-    ui::{Ui, count},
+    ui::Ui,
+    words::count,
 };
 use crate::engine::{digest::Digest, file_digests, graph::Graph};
 
