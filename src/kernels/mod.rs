@@ -45,6 +45,7 @@ pub mod fill;
 pub mod find_joints;
 pub mod finish_skeleton;
 pub mod fit_clip;
+pub mod fit_surface;
 pub mod fmap;
 pub mod functional_map;
 pub mod geodesics;

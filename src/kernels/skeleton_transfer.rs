@@ -183,6 +183,23 @@ pub fn transfer_by_points(
     Ok(Skeleton::new(regressor.names.clone(), regressor.parents.clone(), positions)?)
 }
 
+/// The target's joints by the source's surface laid onto it (see [`super::fit_surface`]): `J_N = R Y`.
+///
+/// # Errors
+/// See [`TransferError`].
+pub fn transfer_by_surface(
+    regressor: &Regressor,
+    fitted_vertices: &[Vec3],
+) -> Result<Skeleton, TransferError> {
+    let (expected, mesh) = (regressor.matrix.n_cols, fitted_vertices.len());
+    if expected != mesh {
+        return Err(TransferError::TargetVertices { what: "regressor", expected, mesh });
+    }
+    let target_of_source = (0..mesh as u32).collect();
+    let own = PointMap { target_of_source, n_target: mesh };
+    transfer_by_points(regressor, &own, fitted_vertices)
+}
+
 fn check_target(
     what: &'static str,
     expected: usize,

@@ -19,6 +19,7 @@ mod download;
 mod eigs;
 mod embed;
 mod farm_map;
+mod fit_surface;
 mod fmap;
 mod icp_refine;
 mod joint_detection_error;
@@ -100,6 +101,7 @@ pub static ALL: &[NodeKind] = &[
     NodeKind::of::<eigs::Eigs>(),
     NodeKind::of::<embed::EmbedNode>(),
     NodeKind::of::<farm_map::FarmMap>(),
+    NodeKind::of::<fit_surface::FitSurfaceNode>(),
     NodeKind::of::<fmap::Fmap>(),
     NodeKind::of::<icp_refine::IcpRefine>(),
     NodeKind::of::<joint_detection_error::JointDetectionError>(),

@@ -13,7 +13,7 @@ use crate::kernels::mesh::TriMesh;
 use crate::kernels::regressor::{Regressor, SpectralRegressor};
 use crate::kernels::skeleton::Skeleton;
 use crate::kernels::skeleton_transfer::{
-    transfer_by_coordinates, transfer_by_functions, transfer_by_points,
+    transfer_by_coordinates, transfer_by_functions, transfer_by_points, transfer_by_surface,
 };
 
 /// How a skeleton is carried over.
@@ -31,6 +31,9 @@ pub enum TransferMode {
     /// regressor applied to it. Needs `regressor`, `source_basis`, `map` and `target_basis`. With the same
     /// regressor and map the joints are those of `functional`; FARM has its own, of `farm_map`.
     Coordinates,
+    /// By the source's surface laid onto the target: needs `regressor`, and `target_mesh` is the surface of
+    /// `fit_surface`. The nearest to the truth, best with a regressor of the method `posed`.
+    Surface,
 }
 
 /// Carries the source's skeleton to the target.
@@ -81,6 +84,11 @@ impl Transfer {
         Ok(transfer_by_coordinates(&regressor, &source, &map, &target, mesh.vertices())?)
     }
 
+    fn by_surface(&self, io: &NodeIo<'_>, mesh: &TriMesh) -> Result<Skeleton, NodeError> {
+        let regressor = self.needed(io, Self::REGRESSOR, "regressor")?;
+        Ok(transfer_by_surface(&regressor, mesh.vertices())?)
+    }
+
     fn needed<T: Artifact>(
         &self,
         io: &NodeIo<'_>,
@@ -91,6 +99,7 @@ impl Transfer {
             TransferMode::Functional => "functional",
             TransferMode::Pointwise => "pointwise",
             TransferMode::Coordinates => "coordinates",
+            TransferMode::Surface => "surface",
         };
         io.get_optional(port)
             .ok_or_else(|| NodeError::failed(format!("mode `{mode}` needs the input `{name}`")))
@@ -180,6 +189,19 @@ source_basis = "@basis"
 map = "@fine.map"
 target_basis = "@basis"
 target_mesh = "@body.mesh"
+
+[nodes.surface]
+kind = "fit_surface"
+source_mesh = "@body.mesh"
+target_mesh = "@body.mesh"
+matches = "@fine.matches"
+nodes = 100
+
+[nodes.joints_by_surface]
+kind = "transfer"
+mode = "surface"
+regressor = "@regressor.regressor"
+target_mesh = "@surface.mesh"
 "#,
     };
 
@@ -189,6 +211,7 @@ target_mesh = "@body.mesh"
             TransferMode::Functional => self.by_functions(io, &mesh)?,
             TransferMode::Pointwise => self.by_points(io, &mesh)?,
             TransferMode::Coordinates => self.by_coordinates(io, &mesh)?,
+            TransferMode::Surface => self.by_surface(io, &mesh)?,
         };
         io.put(Self::SKELETON, skeleton);
         Ok(())
