@@ -1,6 +1,6 @@
 //! Moves matched joints to where bones lie well inside the body.
 
-use super::medial::Ball;
+use crate::kernels::medial_balls::Ball;
 use super::reduced::Working;
 use crate::kernels::distance_field::SampledDistance;
 use crate::kernels::mesh::Vec3;
