@@ -58,7 +58,8 @@ struct Equations {
     right_joints: DVector<f64>,
 }
 
-/// Makes a Gauss-Newton step; returns the root of the mean squared distance of points that were near enough.
+/// Makes a Gauss-Newton step; returns the share of
+/// the weight of points that lay on the surface of each pose.
 pub fn step(
     state: &mut State,
     points: &[Point],
@@ -66,9 +67,9 @@ pub fn step(
     sides: &[[usize; 2]],
     start: &[Vec3],
     weights: &Weights,
-) -> f64 {
+) -> Vec<f64> {
     let n_joints = sides.len();
-    let all: Vec<(Equations, [f64; 2])> = poses
+    let all: Vec<(Equations, f64)> = poses
         .par_iter()
         .zip(&state.motions)
         .map(|(pose, motions)| equations(motions, &state.joints, points, pose, sides, weights))
@@ -113,8 +114,8 @@ pub fn step(
     for (joint, place) in state.joints.iter_mut().enumerate() {
         *place += Vec3::new(moves[3 * joint], moves[3 * joint + 1], moves[3 * joint + 2]);
     }
-    let sums = all.iter().fold([0.0; 2], |sum, it| [sum[0] + it.1[0], sum[1] + it.1[1]]);
-    if sums[1] > 0.0 { (sums[0] / sums[1]).sqrt() } else { 0.0 }
+    let total: f64 = points.iter().map(|it| it.weight).sum();
+    all.iter().map(|it| if total > 0.0 { it.1 / total } else { 0.0 }).collect()
 }
 
 fn cross(a: Vec3) -> Matrix3<f64> {
@@ -144,20 +145,20 @@ fn equations(
     pose: &Pose<'_>,
     sides: &[[usize; 2]],
     weights: &Weights,
-) -> (Equations, [f64; 2]) {
+) -> (Equations, f64) {
     const CHUNK: usize = 512;
     let n_parts = motions.len();
     let of_chunk = |chunk: &[Point]| surface_terms(chunk, motions, pose, weights);
-    let chunks: Vec<(Vec<(Matrix6, Vector6)>, [f64; 2])> =
+    let chunks: Vec<(Vec<(Matrix6, Vector6)>, f64)> =
         points.par_chunks(CHUNK).map(of_chunk).collect();
     let mut blocks = vec![(Matrix6::zeros(), Vector6::zeros()); n_parts];
-    let mut sums = [0.0; 2];
-    for (chunk, part_sums) in &chunks {
+    let mut near = 0.0;
+    for (chunk, near_part) in &chunks {
         for (block, more) in blocks.iter_mut().zip(chunk) {
             block.0 += more.0;
             block.1 += more.1;
         }
-        sums = [sums[0] + part_sums[0], sums[1] + part_sums[1]];
+        near += near_part;
     }
     for (part, pairs) in pose.curve.iter().enumerate() {
         // A part that no point belongs to still follows its curve.
@@ -168,7 +169,7 @@ fn equations(
             add_place(matrix, right, place, place - now, weight / pairs.len() as f64);
         }
     }
-    (assemble(motions, joints, &blocks, sides, weights), sums)
+    (assemble(motions, joints, &blocks, sides, weights), near)
 }
 
 fn surface_terms(
@@ -176,11 +177,11 @@ fn surface_terms(
     motions: &[Isometry3<f64>],
     pose: &Pose<'_>,
     weights: &Weights,
-) -> (Vec<(Matrix6, Vector6)>, [f64; 2]) {
+) -> (Vec<(Matrix6, Vector6)>, f64) {
     /// Surfaces that look another way are another side of the body.
     const LEAST_COSINE: f64 = 0.5;
     let mut blocks = vec![(Matrix6::zeros(), Vector6::zeros()); motions.len()];
-    let mut sums = [0.0; 2];
+    let mut found = 0.0;
     let reach = weights.reach * weights.reach;
     for point in points {
         let motion = &motions[point.part];
@@ -196,9 +197,9 @@ fn surface_terms(
         let (matrix, right) = &mut blocks[point.part];
         add_along(matrix, right, place, normal, normal.dot(&away), weight);
         add_place(matrix, right, place, away, weight * weights.slide);
-        sums = [sums[0] + weight * near.square, sums[1] + weight];
+        found += weight;
     }
-    (blocks, sums)
+    (blocks, found)
 }
 
 /// Joins the equations of parts by the joints between them.
