@@ -53,7 +53,7 @@ pub struct Skeletonize {
     pub prune_radii: f64,
     /// Components of fewer nodes are removed; the largest one stays.
     pub min_nodes: usize,
-    /// How nodes are moved to the middle.
+    /// How nodes are moved to the middle; those of `medial_balls` are there already and stay.
     pub placement: Placement,
     /// The weight of distances from the lines through vertices along their normals.
     #[schemars(range(min = 0.0, max = 1e9))]
@@ -80,7 +80,7 @@ pub struct Skeletonize {
 }
 
 /// How curves are found.
-#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
     /// Small sets of vertices that cut their surroundings apart, such as rings around limbs.
@@ -206,6 +206,7 @@ impl Skeletonize {
 
     fn finish_options(&self, mesh: &TriMesh) -> FinishOptions {
         let norm = match self.placement {
+            _ if self.method == Method::MedialBalls => None,
             Placement::None => None,
             Placement::Squared => Some(skeleton_placement::Norm::Squared),
             Placement::Plain => Some(skeleton_placement::Norm::Plain),

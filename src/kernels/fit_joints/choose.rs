@@ -1,7 +1,7 @@
 //! Which joint the surfaces can do without.
 
 use super::parts::Parts;
-use super::search::{misfit, points_of_parts};
+use super::search::{LOST, misfit, points_of_parts};
 use super::solve::{Point, Pose, State};
 use super::{Drop, FitOptions};
 use crate::kernels::find_joints::Joint;
@@ -34,7 +34,9 @@ pub fn least_needed(
             let off = |part: usize, as_part: usize| {
                 misfit(&few[part], &motions[as_part], view, options.reach)
             };
-            off(goes, stays) - off(goes, goes)
+            let own = off(goes, goes);
+            // Where a part is lost, nothing is known about it.
+            if own > LOST { 0.0 } else { off(goes, stays) - own }
         };
         let gain = poses.iter().enumerate().map(gain).fold(0.0, f64::max);
         // Each of the three as a share of what is wanted.

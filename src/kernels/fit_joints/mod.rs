@@ -118,12 +118,12 @@ pub fn fit_joints(
     let (mut n_recuts, mut n_splits) = (0, 0);
     // Where joints are or were, which are not tried again.
     let mut taken: Vec<Vec3> = joints.iter().map(|it| it.position / figure.extent).collect();
-    let mut current = figure.fit(&joints, None, options);
+    let mut current = figure.fit(&joints, Start::Curves, options);
     loop {
         figure.describe(&mut joints, &current, options);
         if let Some(drop) = figure.weakest(&joints, &current, options) {
             joints.remove(drop.joint);
-            current = figure.fit(&joints, Some(without(&current, drop)), options);
+            current = figure.fit(&joints, Start::Merged(without(&current, drop)), options);
             continue;
         }
         if n_recuts < options.n_recuts && !joints.is_empty() {
@@ -131,7 +131,7 @@ pub fn fit_joints(
             recut(&figure.skeleton, &mut joints, &current.state.joints);
             let moved = Parts::new(&figure.skeleton, &joints);
             let start = reordered(&current.parts, &moved, current.state);
-            current = figure.fit(&joints, Some(start), options);
+            current = figure.fit(&joints, Start::Recut(start), options);
             continue;
         }
         if n_splits == options.max_splits {
@@ -144,7 +144,7 @@ pub fn fit_joints(
         let more = [&joints[..], &[joint]].concat();
         let parts = Parts::new(&figure.skeleton, &more);
         let start = grown(&current.parts, &parts, current.state.clone(), place);
-        let tried = figure.fit(&more, Some(start), options);
+        let tried = figure.fit(&more, Start::Recut(start), options);
         let lost = |it: &Fitted| figure.lost(it, options);
         if lost(&tried) < lost(&current) - SPLIT_GAIN * gain {
             (joints, current) = (more, tried);
@@ -169,6 +169,15 @@ const SPLIT_GAIN: f64 = 0.3;
 struct Drop {
     joint: usize,
     stays: usize,
+}
+
+/// What a fit begins with.
+enum Start {
+    Curves,
+    /// Cuts are new, so that parts that were lost may be found.
+    Recut(State),
+    /// A joint is gone.
+    Merged(State),
 }
 
 struct Fitted {
@@ -239,7 +248,7 @@ impl Figure {
         })
     }
 
-    fn fit(&self, joints: &[Joint], start: Option<State>, options: &FitOptions) -> Fitted {
+    fn fit(&self, joints: &[Joint], start: Start, options: &FitOptions) -> Fitted {
         let parts = Parts::new(&self.skeleton, joints);
         let place = |it: &Joint| on_bone(&self.skeleton, self.skeleton.positions(), it.bone, it.share);
         let cuts: Vec<Vec3> = joints.iter().map(place).collect();
@@ -254,13 +263,20 @@ impl Figure {
         let curves: Vec<Vec<Vec<(Vec3, Vec3)>>> =
             self.poses.iter().map(|it| curve_pairs(&self.skeleton, &parts, it, 0.01)).collect();
         let poses = self.poses(&curves);
-        let is_first = start.is_none();
-        let mut state = start.unwrap_or_else(|| State {
-            motions: curves.iter().map(|it| motions_of_curves(&parts, it)).collect(),
-            joints: cuts.clone(),
-        });
+        let (is_first, is_new) = match &start {
+            Start::Curves => (true, true),
+            Start::Recut(_) => (false, true),
+            Start::Merged(_) => (false, false),
+        };
+        let mut state = match start {
+            Start::Recut(state) | Start::Merged(state) => state,
+            Start::Curves => State {
+                motions: curves.iter().map(|it| motions_of_curves(&parts, it)).collect(),
+                joints: cuts.clone(),
+            },
+        };
         let mut fits = self.descend(&mut state, &points, &poses, &parts, &cuts, is_first, options);
-        if find_lost(&mut state, &points, &poses, &parts, options.reach) {
+        if is_new && find_lost(&mut state, &points, &poses, &parts, options.reach) {
             fits = self.descend(&mut state, &points, &poses, &parts, &cuts, false, options);
         }
         Fitted { parts, state, points, fits }

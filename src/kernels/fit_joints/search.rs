@@ -16,6 +16,10 @@ const LOOKED_AT: usize = 120;
 /// A part of which more than this share does not lie on the surface is lost.
 pub const LOST: f64 = 0.3;
 
+/// A part whose side of a joint is farther from the other side than this, in parts of the extent, is lost, too:
+/// curves of legs may be taken for each other in a pose, and one leg lies well where the other is.
+const TORN: f64 = 0.04;
+
 /// The share of a part that does not lie on the surface of a pose, from 0 to 1: a point counts 1 from
 /// `reach` on, or where the surface looks another way.
 pub fn misfit(points: &[&Point], motion: &Isometry3<f64>, pose: &Pose<'_>, reach: f64) -> f64 {
@@ -68,13 +72,14 @@ pub fn find_lost(
                 is_moved[part] = true;
             }
             let before = misfit(&few[part], &motions[part], pose, reach);
-            if before <= LOST {
+            let center = moved(&motions[above], joints[joint]);
+            let is_torn = (moved(&motions[part], joints[joint]) - center).norm() > TORN;
+            if before <= LOST && !is_torn {
                 continue;
             }
-            let center = moved(&motions[above], joints[joint]);
             let (found, after) =
                 best_turn(&few[part], &motions[above], joints[joint], center, pose, reach);
-            if after < 0.8 * before {
+            if after < 0.8 * before || is_torn && after <= LOST {
                 let step = found * motions[part].inverse();
                 carry(parts, part, &step, motions);
                 (is_moved[part], is_found) = (true, true);

@@ -202,6 +202,9 @@ fn surface_terms(
     (blocks, found)
 }
 
+/// Both sides of a joint that are farther apart than this count less and less for it.
+const GAP: f64 = 0.03;
+
 /// Joins the equations of parts by the joints between them.
 fn assemble(
     motions: &[Isometry3<f64>],
@@ -237,7 +240,9 @@ fn assemble(
         ];
         let turns = [a, b].map(|it| motions[it].rotation.to_rotation_matrix().into_inner());
         let own = turns[0] - turns[1];
-        let weight = weights.joint;
+        // A part that is lost in a pose says nothing about the joint.
+        let robust = GAP * GAP / (GAP * GAP + residual.norm_squared());
+        let weight = weights.joint * robust * robust;
         for (row, left) in &columns {
             for (column, other) in &columns {
                 let mut view = res.motions.fixed_view_mut::<3, 3>(*row, *column);
