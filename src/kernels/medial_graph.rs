@@ -5,8 +5,8 @@ use std::collections::BinaryHeap;
 
 use rayon::prelude::*;
 
-use super::medial_balls::Ball;
 use super::distance_field::DistanceField;
+use super::medial_balls::Ball;
 use super::point_tree::PointTree;
 
 /// Packed balls, connected along the inside of the body.

@@ -72,9 +72,7 @@ pub fn medial_skeleton(mesh: &TriMesh, options: &MedialSkeletonOptions) -> Curve
     let nearest = |place: &Vec3| {
         let distance = |it: &Ball| (it.center - place).norm() - it.radius;
         let nodes = 0..kept.len() as u32;
-        nodes.min_by(|&a, &b| {
-            distance(&kept[a as usize]).total_cmp(&distance(&kept[b as usize]))
-        })
+        nodes.min_by(|&a, &b| distance(&kept[a as usize]).total_cmp(&distance(&kept[b as usize])))
     };
     let labels = inside.vertices().iter().map(|it| nearest(it).unwrap_or(NO_NODE)).collect();
     CurveSkeleton::new(places, radii, edges, labels).expect("edges join balls that are kept")
@@ -263,7 +261,8 @@ mod tests {
     fn what_has_no_inside_has_no_curve() {
         let points = TriMesh::from_points(vec![Vec3::x(), Vec3::y()]).unwrap();
         assert_eq!(skeleton(&points).n_nodes(), 0);
-        let flat = TriMesh::new(vec![Vec3::x(), Vec3::y(), Vec3::zeros()], vec![[0, 1, 2]]).unwrap();
+        let flat =
+            TriMesh::new(vec![Vec3::x(), Vec3::y(), Vec3::zeros()], vec![[0, 1, 2]]).unwrap();
         assert_eq!(skeleton(&flat).n_nodes(), 0);
         assert_eq!(skeleton(&icosphere(2)).n_edges(), 0);
     }

@@ -45,7 +45,8 @@ pub struct TransferAnimationNode {
 
 impl Default for TransferAnimationNode {
     fn default() -> Self {
-        let TransferAnimationOptions { align_rest, least_bone, fork_share, root } = Default::default();
+        let TransferAnimationOptions { align_rest, least_bone, fork_share, root } =
+            Default::default();
         Self { align_rest, least_bone, fork_share, root, warn_above_deg: 60.0 }
     }
 }

@@ -38,7 +38,8 @@ impl Parts {
                 part_of_node.push(parts.add(None));
                 continue;
             };
-            let mut cuts: Vec<usize> = (0..joints.len()).filter(|&it| joints[it].bone == bone).collect();
+            let mut cuts: Vec<usize> =
+                (0..joints.len()).filter(|&it| joints[it].bone == bone).collect();
             cuts.sort_by(|&a, &b| joints[a].share.total_cmp(&joints[b].share));
             let (mut part, mut from) = (part_of_node[parent], 0.0);
             for cut in cuts {
@@ -113,9 +114,8 @@ pub fn motions_of_curves(parts: &Parts, pairs: &[Vec<(Vec3, Vec3)>]) -> Vec<Isom
             motions.push(above);
             continue;
         };
-        let mean = |of: fn(&(Vec3, Vec3)) -> Vec3| {
-            pairs.iter().map(of).sum::<Vec3>() / pairs.len() as f64
-        };
+        let mean =
+            |of: fn(&(Vec3, Vec3)) -> Vec3| pairs.iter().map(of).sum::<Vec3>() / pairs.len() as f64;
         let (from, to) = (mean(|it| it.0), mean(|it| it.1));
         let guess = match parts.parent(part) {
             Some(_) => {

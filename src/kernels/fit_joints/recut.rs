@@ -45,7 +45,9 @@ fn branches(skeleton: &Skeleton) -> Vec<Vec<usize>> {
     let (parents, children) = (skeleton.parents(), skeleton.children());
     let first = |bone: usize| {
         let mut bone = bone;
-        while let Some(parent) = parents[bone].filter(|&it| children[it].len() == 1 && parents[it].is_some()) {
+        while let Some(parent) =
+            parents[bone].filter(|&it| children[it].len() == 1 && parents[it].is_some())
+        {
             bone = parent;
         }
         bone

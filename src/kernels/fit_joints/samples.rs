@@ -21,10 +21,16 @@ pub struct Sample {
 
 /// Takes about `n_samples` vertices of a surface, and gives each the nearest bone that it sees through
 /// the inside.
-pub fn samples(mesh: &TriMesh, tree: &TriangleTree, skeleton: &Skeleton, n_samples: usize) -> Vec<Sample> {
+pub fn samples(
+    mesh: &TriMesh,
+    tree: &TriangleTree,
+    skeleton: &Skeleton,
+    n_samples: usize,
+) -> Vec<Sample> {
     let (normals, areas) = (mesh.vertex_normals(), mesh.vertex_areas());
     let stride = mesh.n_vertices().div_ceil(n_samples.max(1)).max(1);
-    let chosen: Vec<usize> = (0..mesh.n_vertices()).step_by(stride).filter(|&it| areas[it] > 0.0).collect();
+    let chosen: Vec<usize> =
+        (0..mesh.n_vertices()).step_by(stride).filter(|&it| areas[it] > 0.0).collect();
     let total: f64 = chosen.iter().map(|&it| areas[it]).sum();
     let one = |&vertex: &usize| {
         let (point, normal) = (mesh.vertices()[vertex], normals[vertex]);
@@ -74,9 +80,8 @@ pub fn labels(
     /// What a point right at a joint counts.
     const LEAST: f64 = 0.02;
     let label = |sample: &Sample| {
-        let is_own = |it: &&super::parts::Piece| {
-            it.bone == sample.bone && sample.share <= it.shares[1]
-        };
+        let is_own =
+            |it: &&super::parts::Piece| it.bone == sample.bone && sample.share <= it.shares[1];
         let part = parts.pieces.iter().find(is_own).map_or(0, |it| it.part);
         let place = on_bone(skeleton, skeleton.positions(), sample.bone, sample.share);
         let near = parts.sides.iter().zip(cuts).filter(|it| it.0.contains(&part));

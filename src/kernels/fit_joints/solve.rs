@@ -1,6 +1,8 @@
 //! One step of all motions in all poses and of all joints together.
 
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, SMatrix, SVector, Translation3, UnitQuaternion};
+use nalgebra::{
+    DMatrix, DVector, Isometry3, Matrix3, SMatrix, SVector, Translation3, UnitQuaternion,
+};
 use rayon::prelude::*;
 
 use super::parts::moved;
@@ -25,6 +27,17 @@ pub struct Pose<'a> {
     pub normals: &'a [Vec3],
     /// For every part: pairs of places on its curve, at rest and in the pose.
     pub curve: &'a [Vec<(Vec3, Vec3)>],
+}
+
+/// What is to be fitted.
+#[derive(Clone, Copy)]
+pub struct Problem<'a> {
+    pub points: &'a [Point],
+    pub poses: &'a [Pose<'a>],
+    /// Of joints: the part before and the one behind.
+    pub sides: &'a [[usize; 2]],
+    /// Where joints began.
+    pub cuts: &'a [Vec3],
 }
 
 /// What the terms count, against the distances of all points from the surface, which count 1 in all.
@@ -60,14 +73,8 @@ struct Equations {
 
 /// Makes a Gauss-Newton step; returns the share of
 /// the weight of points that lay on the surface of each pose.
-pub fn step(
-    state: &mut State,
-    points: &[Point],
-    poses: &[Pose<'_>],
-    sides: &[[usize; 2]],
-    start: &[Vec3],
-    weights: &Weights,
-) -> Vec<f64> {
+pub fn step(state: &mut State, problem: &Problem<'_>, weights: &Weights) -> Vec<f64> {
+    let Problem { points, poses, sides, cuts } = *problem;
     let n_joints = sides.len();
     let all: Vec<(Equations, f64)> = poses
         .par_iter()
@@ -76,7 +83,7 @@ pub fn step(
         .collect();
     let mut matrix = DMatrix::<f64>::identity(3 * n_joints, 3 * n_joints) * 1e-12;
     let mut right = DVector::<f64>::zeros(3 * n_joints);
-    for (joint, &place) in start.iter().enumerate() {
+    for (joint, &place) in cuts.iter().enumerate() {
         for axis in 0..3 {
             matrix[(3 * joint + axis, 3 * joint + axis)] += weights.prior;
             right[3 * joint + axis] -= weights.prior * (state.joints[joint][axis] - place[axis]);
@@ -123,7 +130,14 @@ fn cross(a: Vec3) -> Matrix3<f64> {
 }
 
 /// Adds `weight * |direction . (place + turn x place + shift) - value|^2`.
-fn add_along(matrix: &mut Matrix6, right: &mut Vector6, place: Vec3, direction: Vec3, residual: f64, weight: f64) {
+fn add_along(
+    matrix: &mut Matrix6,
+    right: &mut Vector6,
+    place: Vec3,
+    direction: Vec3,
+    residual: f64,
+    weight: f64,
+) {
     let turn = place.cross(&direction);
     let row = Vector6::new(turn.x, turn.y, turn.z, direction.x, direction.y, direction.z);
     *matrix += row * row.transpose() * weight;
@@ -162,7 +176,8 @@ fn equations(
     }
     for (part, pairs) in pose.curve.iter().enumerate() {
         // A part that no point belongs to still follows its curve.
-        let weight = weights.curve * (blocks[part].0[(3, 3)] + blocks[part].0[(4, 4)] + blocks[part].0[(5, 5)]).max(1e-4);
+        let weight = weights.curve
+            * (blocks[part].0[(3, 3)] + blocks[part].0[(4, 4)] + blocks[part].0[(5, 5)]).max(1e-4);
         for (rest, now) in pairs {
             let place = moved(&motions[part], *rest);
             let (matrix, right) = &mut blocks[part];

@@ -1,10 +1,10 @@
 //! Where a part does not move as one.
 
+use super::Fitted;
 use super::choose::LEAST_AREA;
 use super::parts::{Parts, on_bone};
 use super::samples::Sample;
 use super::search::{LOST, misfit};
-use super::Fitted;
 use super::solve::Pose;
 use crate::kernels::mesh::Vec3;
 use crate::kernels::skeleton::Skeleton;
@@ -35,12 +35,7 @@ pub struct View<'a> {
 /// The cut of a part that would leave most of what is off the surface, in some pose, on one side, and what is
 /// on it on the other; `None` if no side of any cut is lost while the other is not. Cuts near places that are
 /// taken are not tried.
-pub fn best_split(
-    skeleton: &Skeleton,
-    view: &View<'_>,
-    taken: &[Vec3],
-    reach: f64,
-) -> Option<Cut> {
+pub fn best_split(skeleton: &Skeleton, view: &View<'_>, taken: &[Vec3], reach: f64) -> Option<Cut> {
     let Fitted { parts, state, points, .. } = view.fitted;
     let cuts = cuts(skeleton, parts, taken);
     let before = preorder(skeleton);
@@ -66,7 +61,10 @@ pub fn best_split(
             }
             let shares = sums.map(|it| it[1] / it[0]);
             let lost = usize::from(shares[1] > shares[0]);
-            if shares[lost] <= LOST || shares[1 - lost] > 0.5 * shares[lost] || sums[lost][1] < LEAST_LOST {
+            if shares[lost] <= LOST
+                || shares[1 - lost] > 0.5 * shares[lost]
+                || sums[lost][1] < LEAST_LOST
+            {
                 continue;
             }
             // What is off counts for the cut, what is not off counts against it.

@@ -82,10 +82,8 @@ fn a_joint_beside_the_curve_is_found_from_the_surface() {
         let large = |it: &[Vec3]| it.iter().map(|it| it * scale).collect::<Vec<Vec3>>();
         let skeleton = skeleton.with_positions(large(skeleton.positions())).unwrap();
         let poses: Vec<Vec<Vec3>> = poses.iter().map(|it| large(it)).collect();
-        let meshes: Vec<TriMesh> = surfaces
-            .iter()
-            .map(|it| it.with_vertices(large(it.vertices())).unwrap())
-            .collect();
+        let meshes: Vec<TriMesh> =
+            surfaces.iter().map(|it| it.with_vertices(large(it.vertices())).unwrap()).collect();
         let meshes: Vec<&TriMesh> = meshes.iter().collect();
         let candidates = [joint_at(4), joint_at(11)];
         let options = FitOptions::default();

@@ -45,7 +45,12 @@ pub(super) const LEAST_BONE: f64 = 0.15;
 
 impl Default for TransferAnimationOptions {
     fn default() -> Self {
-        Self { align_rest: true, least_bone: LEAST_BONE, fork_share: 0.0, root: RootPath::default() }
+        Self {
+            align_rest: true,
+            least_bone: LEAST_BONE,
+            fork_share: 0.0,
+            root: RootPath::default(),
+        }
     }
 }
 
