@@ -109,10 +109,24 @@ impl Node for Joints {
 kind = "synthesize"
 n_vertices = 1000
 
+[nodes.bent]
+kind = "pose"
+mesh = "@body.mesh"
+skeleton = "@body.skeleton"
+weights = "@body.weights"
+turns = { left_forearm = [-80, 0, 0], right_leg = [70, 0, 0] }
+
+[nodes.union]
+kind = "union_skeleton"
+skeletons = ["@body.skeleton", "@bent.skeleton"]
+reference = 0
+
 [nodes.joints]
 kind = "joints"
-skeleton = "@body.skeleton"
-clip = "@body.clip"
+skeleton = "@union.skeleton"
+clip = "@union.clip"
+surfaces = ["@body.mesh", "@bent.mesh"]
+samples = 500
 "#,
     };
 
