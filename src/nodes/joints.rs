@@ -1,12 +1,16 @@
 //! Kind `joints`.
 
+use std::sync::Arc;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
+use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInputs, Output, Spec};
 use crate::kernels::clip::Clip;
-use crate::kernels::find_joints::{Joint, JointOptions, find_joints, joint_skeleton};
+use crate::kernels::find_joints::{Joint, JointOptions, add_images, find_joints, joint_skeleton};
 use crate::kernels::fit_clip::world_positions;
+use crate::kernels::fit_joints::{FitOptions, fit_joints};
+use crate::kernels::mesh::{TriMesh, Vec3};
 use crate::kernels::skeleton::Skeleton;
 use crate::kernels::table::{Column, Table};
 
@@ -14,6 +18,10 @@ use crate::kernels::table::{Column, Table};
 ///
 /// A joint is where the skeleton bends most against the pose that it comes in. How a limb rolls about
 /// itself cannot be seen, so a joint has one or two degrees of freedom.
+///
+/// With `surfaces` joints do not lie on the curves but where the surface turns about them: the parts between
+/// joints are moved onto the surface of every pose. Joints that the surfaces can do without are dropped, and
+/// new ones are put where a part does not move as one. Surfaces need no vertices in common.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Joints {
@@ -43,6 +51,13 @@ pub struct Joints {
     /// … and by more than this share of the first one.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub spread_share: f64,
+    /// With surfaces: without a joint, more of the smaller part beside it would be off the surface than this
+    /// share, in some pose.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub min_gain: f64,
+    /// With surfaces: about so many of their points are looked at.
+    #[schemars(range(min = 100, max = 1_000_000))]
+    pub samples: usize,
     /// Give joints images on limbs that are like their own.
     pub symmetric: bool,
     /// How unlike limbs may be for that: the greatest rating of the skeleton's match with itself.
@@ -52,7 +67,7 @@ pub struct Joints {
 
 impl Default for Joints {
     fn default() -> Self {
-        let it = JointOptions::default();
+        let (it, fit) = (JointOptions::default(), FitOptions::default());
         Self {
             window: it.window,
             min_angle: it.min_angle,
@@ -63,6 +78,8 @@ impl Default for Joints {
             centered: it.is_centered,
             min_spread: it.min_spread,
             spread_share: it.spread_share,
+            min_gain: fit.min_gain,
+            samples: fit.n_samples,
             symmetric: it.is_symmetric,
             symmetry: it.symmetry_rating,
         }
@@ -73,6 +90,8 @@ impl Joints {
     const SKELETON: Input<Skeleton> =
         Input::new("skeleton", "a skeleton of many nodes, in the pose that bends are held against");
     const CLIP: Input<Clip> = Input::new("clip", "its poses, a frame each");
+    const SURFACES: OptionalInputs<TriMesh> =
+        OptionalInputs::new("surfaces", "the figure's surface in every pose, in the clip's order");
     const JOINTS: Output<Table> =
         Output::new("joints", "one row a joint: place, angle, degrees of freedom, axis");
     const REDUCED: Output<Skeleton> =
@@ -82,18 +101,32 @@ impl Joints {
 impl Node for Joints {
     const SPEC: Spec = Spec {
         kind: "joints",
-        version: 1,
-        inputs: &[Self::SKELETON.port(), Self::CLIP.port()],
+        version: 2,
+        inputs: &[Self::SKELETON.port(), Self::CLIP.port(), Self::SURFACES.port()],
         outputs: &[Self::JOINTS.port(), Self::REDUCED.port()],
-        cites: &["madaras2014skeleton"],
+        cites: &["madaras2014skeleton", "pekelny2008articulated", "obrien2000automatic"],
         example: r#"[nodes.body]
 kind = "synthesize"
 n_vertices = 1000
 
+[nodes.bent]
+kind = "pose"
+mesh = "@body.mesh"
+skeleton = "@body.skeleton"
+weights = "@body.weights"
+turns = { left_forearm = [-80, 0, 0], right_leg = [70, 0, 0] }
+
+[nodes.union]
+kind = "union_skeleton"
+skeletons = ["@body.skeleton", "@bent.skeleton"]
+reference = 0
+
 [nodes.joints]
 kind = "joints"
-skeleton = "@body.skeleton"
-clip = "@body.clip"
+skeleton = "@union.skeleton"
+clip = "@union.clip"
+surfaces = ["@body.mesh", "@bent.mesh"]
+samples = 500
 "#,
     };
 
@@ -108,7 +141,24 @@ clip = "@body.clip"
         let parents = skeleton.parents();
         let poses: Vec<_> =
             (0..clip.n_frames()).map(|frame| world_positions(&clip, frame, parents)).collect();
-        let options = JointOptions {
+        let surfaces = io.get_all_optional(Self::SURFACES);
+        let joints = match surfaces.is_empty() {
+            true => find_joints(&skeleton, &poses, &self.options())?,
+            false => self.fitted(io, &skeleton, &poses, &surfaces)?,
+        };
+        if joints.is_empty() {
+            let (n_poses, least) = (poses.len(), self.min_angle);
+            io.note(format!("nothing bends by more than {least} degrees in {n_poses} poses"));
+        }
+        io.put(Self::JOINTS, table(&skeleton, &joints));
+        io.put(Self::REDUCED, joint_skeleton(&skeleton, &joints));
+        Ok(())
+    }
+}
+
+impl Joints {
+    fn options(&self) -> JointOptions {
+        JointOptions {
             window: self.window,
             min_angle: self.min_angle,
             separation: self.separation,
@@ -120,15 +170,46 @@ clip = "@body.clip"
             spread_share: self.spread_share,
             is_symmetric: self.symmetric,
             symmetry_rating: self.symmetry,
-        };
-        let joints = find_joints(&skeleton, &poses, &options)?;
-        if joints.is_empty() {
-            let (n_poses, least) = (poses.len(), self.min_angle);
-            io.note(format!("nothing bends by more than {least} degrees in {n_poses} poses"));
         }
-        io.put(Self::JOINTS, table(&skeleton, &joints));
-        io.put(Self::REDUCED, joint_skeleton(&skeleton, &joints));
-        Ok(())
+    }
+
+    fn fitted(
+        &self,
+        io: &mut NodeIo<'_>,
+        skeleton: &Skeleton,
+        poses: &[Vec<Vec3>],
+        surfaces: &[Arc<TriMesh>],
+    ) -> Result<Vec<Joint>, NodeError> {
+        /// Parts turn less than the curves between them bend, where curves cut corners.
+        const ANGLE_SHARE: f64 = 0.8;
+        let options = self.options();
+        let on_curves = JointOptions { is_symmetric: false, is_centered: false, ..options };
+        let candidates = find_joints(skeleton, poses, &on_curves)?;
+        let surfaces: Vec<&TriMesh> = surfaces.iter().map(|it| &**it).collect();
+        let fit_options = FitOptions {
+            n_samples: self.samples,
+            min_angle: ANGLE_SHARE * self.min_angle,
+            min_gain: self.min_gain,
+            freedoms: [self.min_spread, self.spread_share],
+            ..Default::default()
+        };
+        let fit = fit_joints(skeleton, poses, &surfaces, &candidates, &fit_options)?;
+        let worst = fit.fits.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
+        if let Some((pose, share)) = worst {
+            io.note(format!(
+                "{} joints from {} on curves; at least {:.0} % of the surface lies on that of every \
+                 other pose (least in the {}.)",
+                fit.joints.len(),
+                candidates.len(),
+                100.0 * share,
+                pose + 1
+            ));
+        }
+        let mut joints = fit.joints;
+        if self.symmetric {
+            add_images(skeleton, &mut joints, &options);
+        }
+        Ok(joints)
     }
 }
 

@@ -1,13 +1,15 @@
 //! Kind `load_motion`.
 
 use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_2;
 
+use nalgebra::UnitQuaternion;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{InputFile, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
 use crate::kernels::io::bvh::{Motion, read_bvh};
-use crate::kernels::{clip::Clip, files::FileSet, skeleton::Skeleton};
+use crate::kernels::{clip::Clip, files::FileSet, mesh::Vec3, skeleton::Skeleton};
 
 /// Reads a motion from a motion capture file (`.bvh`).
 ///
@@ -22,9 +24,22 @@ pub struct LoadMotion {
     #[serde(default = "one")]
     #[schemars(range(min = 1e-9, max = 1e9))]
     pub scale: f64,
+    /// Which axis points up in the file; turned to y.
+    #[serde(default)]
+    pub up: Up,
     /// Other names for joints: `{ LeftHip = "LeftUpLeg" }`.
     #[serde(default)]
     pub rename: BTreeMap<String, String>,
+}
+
+/// Which axis points up.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Up {
+    #[default]
+    Y,
+    /// What pointed up is turned about the x axis, so that -y becomes +z.
+    Z,
 }
 
 fn one() -> f64 {
@@ -84,7 +99,13 @@ rename = { Head = "head" }
     }
 
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
-        let Motion { skeleton, clip } = read_bvh(&self.bytes(io)?, self.scale)?;
+        let Motion { mut skeleton, mut clip } = read_bvh(&self.bytes(io)?, self.scale)?;
+        if self.up == Up::Z {
+            let turn = UnitQuaternion::from_axis_angle(&Vec3::x_axis(), -FRAC_PI_2);
+            let places = skeleton.positions().iter().map(|it| turn * it).collect();
+            skeleton = skeleton.with_positions(places)?;
+            clip = clip.turned(&turn);
+        }
         io.put(Self::SKELETON, self.renamed(&skeleton)?);
         io.put(Self::CLIP, clip);
         Ok(())

@@ -10,6 +10,7 @@ use crate::kernels::finish_skeleton::{FinishOptions, finish_skeleton};
 use crate::kernels::local_separators::{
     self, LocalSeparatorsOptions, SpatialGraph, local_separators,
 };
+use crate::kernels::medial_skeleton::{MedialSkeletonOptions, medial_skeleton};
 use crate::kernels::mesh::TriMesh;
 use crate::kernels::skeleton_cleanup::PruneOptions;
 use crate::kernels::skeleton_placement::{self, PlacementOptions};
@@ -18,7 +19,7 @@ use crate::kernels::table::{Column, Table};
 /// Extracts the curve skeleton of a surface and makes it fit for joints: without cycles and spurs, in
 /// the middle of limbs.
 ///
-/// The surface may be open or have several parts, but must have faces. A shape without any curve, such
+/// The surface may be open (not for `medial_balls`) or have several parts, but must have faces. A shape without any curve, such
 /// as a ball, gets one node.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -32,6 +33,14 @@ pub struct Skeletonize {
     pub sampling: bool,
     /// Of `local_separators`: the order of the seeds follows from it.
     pub seed: u64,
+    /// Of `medial_balls`: the least angle between two places where a ball touches the surface, in
+    /// degrees.
+    #[schemars(range(min = 1.0, max = 179.0))]
+    pub medial_angle: f64,
+    /// Of `medial_balls`: curves go to what sticks out of the balls on other curves, made so many times
+    /// larger.
+    #[schemars(range(min = 1.0, max = 100.0))]
+    pub reach: f64,
     /// Decimate the mesh to so many vertices first; a mesh that has fewer is taken as it is.
     #[schemars(range(min = 4))]
     pub simplify_to: Option<usize>,
@@ -44,7 +53,7 @@ pub struct Skeletonize {
     pub prune_radii: f64,
     /// Components of fewer nodes are removed; the largest one stays.
     pub min_nodes: usize,
-    /// How nodes are moved to the middle.
+    /// How nodes are moved to the middle; those of `medial_balls` are there already and stay.
     pub placement: Placement,
     /// The weight of distances from the lines through vertices along their normals.
     #[schemars(range(min = 0.0, max = 1e9))]
@@ -71,12 +80,14 @@ pub struct Skeletonize {
 }
 
 /// How curves are found.
-#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
     /// Small sets of vertices that cut their surroundings apart, such as rings around limbs.
     #[default]
     LocalSeparators,
+    /// Along the largest balls inside a closed surface: a tree. Fast, and steady under noise.
+    MedialBalls,
 }
 
 /// On what separators are looked for.
@@ -132,11 +143,14 @@ impl Default for Skeletonize {
         let finish = FinishOptions::default();
         let placement = finish.placement.unwrap_or_default();
         let search = LocalSeparatorsOptions::default();
+        let medial = MedialSkeletonOptions::default();
         Self {
             method: Method::default(),
             variant: Variant::default(),
             sampling: search.sampling,
             seed: search.seed,
+            medial_angle: medial.angle_deg,
+            reach: medial.reach,
             simplify_to: None,
             cycles: Cycles::default(),
             prune_nodes: finish.prune.max_nodes,
@@ -163,8 +177,23 @@ impl Skeletonize {
         Output::new("counts", "nodes, leaves, junctions and cycles, as found and as finished");
 
     fn raw(&self, mesh: &TriMesh) -> Result<CurveSkeleton, NodeError> {
-        let Method::LocalSeparators = self.method;
-        let options = LocalSeparatorsOptions {
+        let most = self.simplify_to.unwrap_or(usize::MAX);
+        Ok(match self.method {
+            Method::LocalSeparators => {
+                let options = self.separator_options();
+                let extract = |it: &TriMesh| local_separators(&SpatialGraph::of_mesh(it), &options);
+                coarse_skeleton(mesh, most, extract)?
+            }
+            Method::MedialBalls => {
+                let options =
+                    MedialSkeletonOptions { angle_deg: self.medial_angle, reach: self.reach };
+                coarse_skeleton(mesh, most, |it| medial_skeleton(it, &options))?
+            }
+        })
+    }
+
+    fn separator_options(&self) -> LocalSeparatorsOptions {
+        LocalSeparatorsOptions {
             variant: match self.variant {
                 Variant::Auto => local_separators::Variant::Auto,
                 Variant::Plain => local_separators::Variant::Plain,
@@ -172,13 +201,12 @@ impl Skeletonize {
             },
             sampling: self.sampling,
             seed: self.seed,
-        };
-        let extract = |it: &TriMesh| local_separators(&SpatialGraph::of_mesh(it), &options);
-        Ok(coarse_skeleton(mesh, self.simplify_to.unwrap_or(usize::MAX), extract)?)
+        }
     }
 
     fn finish_options(&self, mesh: &TriMesh) -> FinishOptions {
         let norm = match self.placement {
+            _ if self.method == Method::MedialBalls => None,
             Placement::None => None,
             Placement::Squared => Some(skeleton_placement::Norm::Squared),
             Placement::Plain => Some(skeleton_placement::Norm::Plain),
@@ -210,7 +238,12 @@ impl Node for Skeletonize {
         version: 1,
         inputs: &[Self::MESH.port()],
         outputs: &[Self::CURVES.port(), Self::COUNTS.port()],
-        cites: &["baerentzen2021skeletonization", "baerentzen2023multilevel"],
+        cites: &[
+            "baerentzen2021skeletonization",
+            "baerentzen2023multilevel",
+            "sato2000teasar",
+            "ma2012medial",
+        ],
         example: r#"[nodes.body]
 kind = "synthesize"
 n_vertices = 1500

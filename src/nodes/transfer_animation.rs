@@ -31,6 +31,11 @@ pub struct TransferAnimationNode {
     /// coincide, the direction from one to the other means nothing.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub least_bone: f64,
+    /// With `align_rest`: bones that end within this share of a branch from the branch node where it
+    /// begins keep their own rest directions. Pelvises and shoulder girdles differ by the shapes of
+    /// bodies, not by their poses; 0.3 leaves these as they are.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub fork_share: f64,
     /// Where the root is.
     pub root: RootPath,
     /// Bones that are turned by more at rest, in degrees, are told in a note.
@@ -40,8 +45,9 @@ pub struct TransferAnimationNode {
 
 impl Default for TransferAnimationNode {
     fn default() -> Self {
-        let TransferAnimationOptions { align_rest, least_bone, root } = Default::default();
-        Self { align_rest, least_bone, root, warn_above_deg: 60.0 }
+        let TransferAnimationOptions { align_rest, least_bone, fork_share, root } =
+            Default::default();
+        Self { align_rest, least_bone, fork_share, root, warn_above_deg: 60.0 }
     }
 }
 
@@ -164,8 +170,12 @@ root = "grounded"
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
         let (source, clip) = (io.get(Self::SOURCE), io.get(Self::CLIP));
         let (target, map) = (io.get(Self::TARGET), io.get(Self::MAP));
-        let (align_rest, least_bone, root) = (self.align_rest, self.least_bone, self.root);
-        let options = TransferAnimationOptions { align_rest, least_bone, root };
+        let options = TransferAnimationOptions {
+            align_rest: self.align_rest,
+            least_bone: self.least_bone,
+            fork_share: self.fork_share,
+            root: self.root,
+        };
         let res = transfer_animation(&source, &clip, &target, &map, &options)?;
         Self::note_stiff(io, &target, &map);
         self.note_angles(io, &target, &res.rest_angles_rad);

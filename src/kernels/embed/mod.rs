@@ -1,13 +1,11 @@
 //! Puts a skeleton into a body: the embedding of Pinocchio.
 //!
-//! The body is described by a graph of balls in it (`medial`, `graph`), the skeleton by its ends and
+//! The body is described by a graph of balls in it, the skeleton by its ends and
 //! branchings (`reduced`). The best matching of these joints with balls (`penalties`, `search`) is
 //! spread over all joints and improved in the body (`refine`). Everything happens in a frame in which
 //! the body is 0.9 large and stands in the middle of the unit cube; lengths in these files are in it.
 
 mod align;
-mod graph;
-mod medial;
 mod penalties;
 mod reduced;
 mod refine;
@@ -19,13 +17,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::distance_field::{DistanceField, SampledDistance, SamplingOptions};
+use super::medial_balls::{Ball, MedialOptions, medial_balls, pack};
+use super::medial_graph::MedialGraph;
 use super::mesh::{MeshError, TriMesh, Vec3};
 use super::shapes::signed_volume;
 use super::skeleton::Skeleton;
 
 use align::{axis_rotations, extent, mirror_images};
-use graph::MedialGraph;
-use medial::{Ball, MedialOptions, medial_balls, pack};
 use penalties::Problem;
 use reduced::{Reduced, Working, along};
 use search::{Matching, SearchOptions, search, terms_of_matching};

@@ -2,8 +2,8 @@
 //!
 //! The penalties and weights of Baran & Popović (2007, appendix A), as their program computes them.
 
-use super::graph::MedialGraph;
 use super::reduced::{Reduced, along};
+use crate::kernels::medial_graph::MedialGraph;
 use crate::kernels::mesh::Vec3;
 
 /// The weighted penalties of one joint, by kind.

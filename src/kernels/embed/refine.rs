@@ -1,8 +1,8 @@
 //! Moves matched joints to where bones lie well inside the body.
 
-use super::medial::Ball;
 use super::reduced::Working;
 use crate::kernels::distance_field::SampledDistance;
+use crate::kernels::medial_balls::Ball;
 use crate::kernels::mesh::Vec3;
 use crate::kernels::point_tree::PointTree;
 

@@ -42,8 +42,17 @@ type Frames = Vec<UnitQuaternion<f64>>;
 pub fn bends(chains: &[Chain], n_poses: usize, window: f64) -> Vec<Bend> {
     let mut bends = Vec::new();
     let mut ends: Vec<Frames> = Vec::with_capacity(chains.len());
+    let mut begun: Vec<Frames> = Vec::with_capacity(chains.len());
     for (index, chain) in chains.iter().enumerate() {
-        let starts = frames_at_start(chains, index, &ends, n_poses, window);
+        // Chains that begin at one node begin alike: a star has many.
+        let first = chains[..index]
+            .iter()
+            .position(|it| it.before == chain.before && it.joints[0] == chain.joints[0]);
+        let starts = match first {
+            Some(it) => begun[it].clone(),
+            None => frames_at_start(chains, index, &ends, n_poses, window),
+        };
+        begun.push(starts.clone());
         let (found, end) = along(chain, index, starts, window);
         bends.extend(found);
         ends.push(end);

@@ -129,19 +129,28 @@ pub fn find_joints(
         }
     }
     if options.is_symmetric {
-        let found = images(skeleton, &joints, options.symmetry_rating);
-        let least = (options.separation * window).max(1e-9 * extent);
-        let is_new = |known: &[Joint], it: &Joint| {
-            known.iter().all(|own| (own.position - it.position).norm() > least)
-        };
-        for image in found {
-            if is_new(&joints, &image) {
-                joints.push(image);
-            }
-        }
+        add_images(skeleton, &mut joints, options);
     }
     joints.sort_by(|a, b| a.bone.cmp(&b.bone).then(a.share.total_cmp(&b.share)));
     Ok(joints)
+}
+
+/// Adds the images of joints on limbs that are like their own, where no joint is known yet; sorted by bones.
+pub fn add_images(skeleton: &Skeleton, joints: &mut Vec<Joint>, options: &JointOptions) {
+    if joints.is_empty() {
+        return;
+    }
+    let extent = extent(skeleton.positions());
+    let least = (options.separation * options.window * extent).max(1e-9 * extent);
+    let is_new = |known: &[Joint], it: &Joint| {
+        known.iter().all(|own| (own.position - it.position).norm() > least)
+    };
+    for image in images(skeleton, joints, options.symmetry_rating) {
+        if is_new(joints, &image) {
+            joints.push(image);
+        }
+    }
+    joints.sort_by(|a, b| a.bone.cmp(&b.bone).then(a.share.total_cmp(&b.share)));
 }
 
 fn extent(points: &[Vec3]) -> f64 {
@@ -204,18 +213,28 @@ fn joint(skeleton: &Skeleton, chains: &[Chain], bend: &Bend, options: &JointOpti
     let chain = &chains[bend.chain];
     let place = chain.ways[bend.sample];
     let (bone, share) = bone_at(skeleton, chain, place);
-    let (spreads, axis) = freedoms(&bend.turns);
-    let least = options.min_spread.max(options.spread_share * spreads[0]);
-    Joint {
+    let mut joint = Joint {
         bone,
         share,
         position: chain.rest[bend.sample],
-        angle: bend.angle().to_degrees(),
-        n_freedoms: spreads.iter().filter(|it| **it > least).count(),
-        axis,
-        spreads,
+        angle: 0.0,
+        n_freedoms: 0,
+        axis: Vec3::zeros(),
+        spreads: [0.0; 3],
         is_mirrored: false,
-    }
+    };
+    swing_of(&mut joint, &bend.turns, [options.min_spread, options.spread_share]);
+    joint
+}
+
+/// Tells of a joint how it turns: rotation vectors in radians, one a pose. A freedom turns by more than an
+/// angle in degrees and than a share of the first one.
+pub fn swing_of(joint: &mut Joint, turns: &[Vec3], [min_spread, spread_share]: [f64; 2]) {
+    let (spreads, axis) = freedoms(turns);
+    let least = min_spread.max(spread_share * spreads[0]);
+    joint.angle = turns.iter().map(|it| it.norm()).fold(0.0, f64::max).to_degrees();
+    joint.n_freedoms = spreads.iter().filter(|it| **it > least).count();
+    (joint.spreads, joint.axis) = (spreads, axis);
 }
 
 /// The bone of the skeleton after a way along a chain.
@@ -240,6 +259,9 @@ fn bone_at(skeleton: &Skeleton, chain: &Chain, way: f64) -> (usize, f64) {
 
 /// The spreads of rotation vectors along their main axes in degrees, and the first axis.
 fn freedoms(turns: &[Vec3]) -> ([f64; 3], Vec3) {
+    if turns.is_empty() {
+        return ([0.0; 3], Vec3::zeros());
+    }
     let matrix = DMatrix::from_fn(turns.len(), 3, |pose, axis| turns[pose][axis]);
     let square = (matrix.transpose() * matrix) / turns.len() as f64;
     let square = nalgebra::Matrix3::from_fn(|row, column| square[(row, column)]);

@@ -1,5 +1,7 @@
 //! Joints on limbs that are like each other.
 
+use nalgebra::Matrix3;
+
 use super::Joint;
 use crate::kernels::map_segments::places_along;
 use crate::kernels::mesh::Vec3;
@@ -31,6 +33,24 @@ pub fn images(skeleton: &Skeleton, joints: &[Joint], greatest_rating: f64) -> Ve
     symmetries.flat_map(|it| joints.iter().filter_map(|joint| image(skeleton, it, joint))).collect()
 }
 
+/// The reflection (or rotation) that takes nodes to those they are matched with.
+fn mirror(positions: &[Vec3], symmetry: &SkeletonMatch) -> Matrix3<f64> {
+    /// Nodes in a plane do not tell a reflection from a half turn; figures are mirrored.
+    const FLAT: f64 = 1e-2;
+    let pairs = || symmetry.nodes().iter().map(|it| it.map(|node| positions[node as usize]));
+    let middle = pairs().map(|it| it[0]).sum::<Vec3>() / symmetry.nodes().len().max(1) as f64;
+    let covariance: Matrix3<f64> =
+        pairs().map(|[a, b]| (b - middle) * (a - middle).transpose()).sum();
+    let svd = covariance.svd(true, true);
+    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Matrix3::identity() };
+    let (least, most) = (svd.singular_values.imin(), svd.singular_values.max());
+    let mut signs = Vec3::repeat(1.0);
+    if svd.singular_values[least] <= FLAT * most {
+        signs[least] = -(u * v_t).determinant().signum();
+    }
+    u * Matrix3::from_diagonal(&signs) * v_t
+}
+
 /// The place of a joint on the branch that its own is matched with.
 fn image(skeleton: &Skeleton, symmetry: &SkeletonMatch, joint: &Joint) -> Option<Joint> {
     let positions = skeleton.positions();
@@ -58,6 +78,9 @@ fn image(skeleton: &Skeleton, symmetry: &SkeletonMatch, joint: &Joint) -> Option
             true => (b, part),
             false => (a, 1.0 - part),
         };
+        // A joint beside its curve is beside the other one, too.
+        let beside = joint.position - point_at(&own, &places, place);
+        let position = position + mirror(positions, symmetry) * beside;
         return Some(Joint { bone, share, position, is_mirrored: true, ..joint.clone() });
     }
     None

@@ -34,6 +34,9 @@ pub struct TransferAnimationOptions {
     /// Bones shorter than this share of the mean bone are not turned by themselves: where joints nearly
     /// coincide, the direction from one to the other means nothing.
     pub least_bone: f64,
+    /// Bones that end within this share of a branch from the branch node where it begins turn with what is
+    /// above them, too: pelvises and shoulder girdles differ by their shapes, not by their poses.
+    pub fork_share: f64,
     pub root: RootPath,
 }
 
@@ -42,7 +45,12 @@ pub(super) const LEAST_BONE: f64 = 0.15;
 
 impl Default for TransferAnimationOptions {
     fn default() -> Self {
-        Self { align_rest: true, least_bone: LEAST_BONE, root: RootPath::default() }
+        Self {
+            align_rest: true,
+            least_bone: LEAST_BONE,
+            fork_share: 0.0,
+            root: RootPath::default(),
+        }
     }
 }
 
@@ -92,7 +100,12 @@ pub fn transfer_animation(
     check(source, clip, target, map)?;
     let segments = map.segments();
     let (alignment, rest_angles_rad) = match options.align_rest {
-        true => align_rest(source, target, segments, options.least_bone),
+        true => {
+            let is_own = near_forks(target, options.fork_share);
+            let segments: Vec<Option<Segment>> =
+                segments.iter().zip(&is_own).map(|it| it.0.filter(|_| !it.1)).collect();
+            align_rest(source, target, &segments, options.least_bone)
+        }
         false => {
             (vec![UnitQuaternion::identity(); target.n_joints()], vec![0.0; target.n_joints()])
         }
@@ -154,6 +167,29 @@ fn check(
 fn offset(skeleton: &Skeleton, joint: usize) -> Vec3 {
     let places = skeleton.positions();
     skeleton.parents()[joint].map_or(Vec3::zeros(), |it| places[joint] - places[it])
+}
+
+/// Whether every bone ends within a share of its branch from the branch node where that begins.
+fn near_forks(skeleton: &Skeleton, share: f64) -> Vec<bool> {
+    let (parents, children) = (skeleton.parents(), skeleton.children());
+    let is_fork = |it: usize| children[it].len() > 1;
+    // The way from the last branch node or root, whether that is a branch node, and the branch's length.
+    let mut ways: Vec<(f64, bool)> = Vec::with_capacity(parents.len());
+    for (joint, parent) in parents.iter().enumerate() {
+        ways.push(match *parent {
+            None => (0.0, false),
+            Some(it) if is_fork(it) => (offset(skeleton, joint).norm(), true),
+            Some(it) => (ways[it].0 + offset(skeleton, joint).norm(), ways[it].1),
+        });
+    }
+    let mut lengths: Vec<f64> = ways.iter().map(|it| it.0).collect();
+    for (joint, parent) in parents.iter().enumerate().rev() {
+        if let Some(it) = parent.filter(|&it| !is_fork(it)) {
+            lengths[it] = lengths[joint];
+        }
+    }
+    let is_near = |(way, length): (&(f64, bool), &f64)| way.1 && way.0 <= share * length;
+    ways.iter().zip(&lengths).map(is_near).collect()
 }
 
 /// How every bone of the target is turned at rest to point like the bone that it follows, and by how

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use crate::kernels::distance_field::DistanceField;
-use crate::kernels::mesh::{TriMesh, Vec3};
+use super::distance_field::DistanceField;
+use super::mesh::{TriMesh, Vec3};
 
 /// A ball inside a body that touches its surface.
 #[derive(Debug, Clone, Copy, PartialEq)]

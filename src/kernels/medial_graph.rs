@@ -5,9 +5,9 @@ use std::collections::BinaryHeap;
 
 use rayon::prelude::*;
 
-use super::medial::Ball;
-use crate::kernels::distance_field::DistanceField;
-use crate::kernels::point_tree::PointTree;
+use super::distance_field::DistanceField;
+use super::medial_balls::Ball;
+use super::point_tree::PointTree;
 
 /// Packed balls, connected along the inside of the body.
 #[derive(Debug)]
@@ -145,7 +145,7 @@ fn shortest_paths(balls: &[Ball], neighbours: &[Vec<u32>], from: usize) -> (Vec<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernels::embed::medial::{MedialOptions, medial_balls, pack};
+    use crate::kernels::medial_balls::{MedialOptions, medial_balls, pack};
     use crate::kernels::shapes::torus;
 
     #[test]
