@@ -36,8 +36,8 @@ pub enum NrrSolver {
 pub struct Nrr {
     /// The frame in which the surface is seen first; tracking goes forward and backward from it.
     pub source_frame: usize,
-    /// Without a `source`: the longest edge of the surface that is made, in metres; by default `gate`
-    /// times `stride`.
+    /// Without a `source`: the longest edge of the surface that is made, in metres; by default, and with
+    /// 0, `gate` times `stride`. Less keeps a hand apart from what it hangs before, in exact films.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub max_edge: Option<f64>,
@@ -162,7 +162,8 @@ impl Nrr {
         Output::new("report", "one row a frame: residual, coverage, overlap, whether it is lost");
 
     fn source_options(&self) -> SourceOptions {
-        let Self { max_edge, stride, gate, smoothing, .. } = *self;
+        let Self { stride, gate, smoothing, .. } = *self;
+        let max_edge = self.max_edge.filter(|it| *it > 0.0);
         SourceOptions { max_edge, stride, gate, smoothing }
     }
 

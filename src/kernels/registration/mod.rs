@@ -14,13 +14,11 @@ mod silhouette;
 mod solve;
 mod source;
 mod target;
-mod torn;
 pub mod track;
 pub mod warp;
 
 pub use paper::PaperOptions;
 pub use source::{SourceError, SourceOptions, source_mesh};
-pub use torn::without_torn;
 pub use track::{FrameReport, NrrError, NrrOptions, Solver, Tracked, track};
 
 #[cfg(test)]
