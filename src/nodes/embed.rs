@@ -27,6 +27,10 @@ pub struct EmbedNode {
     /// bounding boxes have the same middle; 0 for not at all, as in Transfer4D.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub place: f64,
+    /// With a `source_mesh`: whether both bodies stand in the same place and are equally large already, as
+    /// when somebody laid them upon each other. Without, the middles and the largest extents of their
+    /// bounding boxes do that, which a body that is only seen from one side misleads.
+    pub aligned: bool,
     /// What is given up when a joint finds no place.
     pub give_up: GiveUp,
     /// Joints that should stand at the bottom.
@@ -57,6 +61,7 @@ impl Default for EmbedNode {
             rotation_deg: [0.0; 3],
             align: it.align,
             place: it.place,
+            aligned: false,
             give_up: it.give_up,
             feet: it.feet,
             fat: it.fat,
@@ -87,7 +92,7 @@ impl EmbedNode {
 impl Node for EmbedNode {
     const SPEC: Spec = Spec {
         kind: "embed",
-        version: 2,
+        version: 3,
         inputs: &[Self::MESH.port(), Self::SKELETON.port(), Self::SOURCE_MESH.port()],
         outputs: &[
             Self::EMBEDDED.port(),
@@ -115,7 +120,8 @@ source_mesh = "@adult.mesh"
 
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
         let (mesh, skeleton) = (io.get(Self::MESH), io.get(Self::SKELETON));
-        let bounds = io.get_optional(Self::SOURCE_MESH).map(|it| it.bounds());
+        let source = io.get_optional(Self::SOURCE_MESH);
+        let bounds = source.map(|it| if self.aligned { mesh.bounds() } else { it.bounds() });
         let [x, y, z] = self.rotation_deg.map(f64::to_radians);
         let options = EmbedOptions {
             source_extent: bounds.map(|(low, high)| (high - low).max()),

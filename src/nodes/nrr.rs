@@ -36,8 +36,8 @@ pub enum NrrSolver {
 pub struct Nrr {
     /// The frame in which the surface is seen first; tracking goes forward and backward from it.
     pub source_frame: usize,
-    /// Without a `source`: the longest edge of the surface that is made, in metres; by default `gate`
-    /// times `stride`.
+    /// Without a `source`: the longest edge of the surface that is made, in metres; by default, and with
+    /// 0, `gate` times `stride`. Less keeps a hand apart from what it hangs before, in exact films.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub max_edge: Option<f64>,
@@ -80,6 +80,10 @@ pub struct Nrr {
     /// How many vertices carry data at most; with the paper's solver also how many points of a frame.
     #[schemars(range(min = 10, max = 1_000_000))]
     pub samples: usize,
+    /// How far a frame may start ahead of the one before, as a share of the last motion; parts that were
+    /// hidden do not. What is nearer to the frame is taken.
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub momentum: f64,
     /// Rounds of erosion before nodes are placed.
     #[schemars(range(max = 100))]
     pub erosion: usize,
@@ -130,6 +134,7 @@ impl Default for Nrr {
             smoothing: options.smoothing,
             reverse: options.reverse,
             samples: options.n_samples,
+            momentum: options.momentum,
             erosion: options.erosion,
             least_overlap: options.least_overlap,
             tolerance: options.tolerance,
@@ -157,7 +162,8 @@ impl Nrr {
         Output::new("report", "one row a frame: residual, coverage, overlap, whether it is lost");
 
     fn source_options(&self) -> SourceOptions {
-        let Self { max_edge, stride, gate, smoothing, .. } = *self;
+        let Self { stride, gate, smoothing, .. } = *self;
+        let max_edge = self.max_edge.filter(|it| *it > 0.0);
         SourceOptions { max_edge, stride, gate, smoothing }
     }
 
@@ -190,6 +196,7 @@ impl Nrr {
             smoothing: self.smoothing,
             reverse: self.reverse,
             n_samples: self.samples,
+            momentum: self.momentum,
             erosion: self.erosion,
             least_overlap: self.least_overlap,
             tolerance: self.tolerance,
@@ -220,7 +227,7 @@ fn report_table(reports: &[FrameReport]) -> Table {
 impl Node for Nrr {
     const SPEC: Spec = Spec {
         kind: "nrr",
-        version: 2,
+        version: 3,
         inputs: &[Self::VIDEO.port(), Self::SOURCE.port()],
         outputs: &[Self::SEQUENCE.port(), Self::SOURCE_MESH.port(), Self::REPORT.port()],
         cites: &["maheshwari2023transfer4d", "li2008global"],

@@ -121,6 +121,27 @@ fn a_limb_that_the_body_lacks_is_given_up() {
     assert!(n_matched > n - 7, "{n_matched} of {n}");
 }
 
+/// A search that may take few steps goes on with the best, and gives nothing up that has a place.
+#[test]
+fn a_search_without_time_still_finds_places_for_all_joints() {
+    for (kind, seed) in [(Body::Biped, 1), (Body::Quadruped, 3)] {
+        let it = body(kind, seed);
+        let (low, high) = it.mesh.bounds();
+        let options = EmbedOptions {
+            source_extent: extent_of(&it.mesh),
+            source_center: Some((low + high) / 2.0),
+            ..Default::default()
+        };
+        let found = embed(&it.mesh, &it.skeleton, &options).unwrap();
+        let hasty = EmbedOptions { max_steps: 1, ..options };
+        let res = embed(&it.mesh, &it.skeleton, &hasty).unwrap();
+        assert!(res.joints.iter().all(|it| it.is_matched), "{kind:?}: {:?}", res.joints);
+        assert_eq!(res.n_searches, 1);
+        let (least, penalty) = (found.penalty, res.penalty);
+        assert!(penalty >= least - 1e-12 && penalty < 1.2 * least, "{penalty} of {least}");
+    }
+}
+
 #[test]
 fn penalties_of_joints_add_up_to_the_penalty() {
     let it = body(Body::Biped, 1);

@@ -116,6 +116,63 @@ fn a_bending_strip_is_followed_to_half_a_spacing() {
     }
 }
 
+/// A ball that moves behind a wide plate: `(mesh, frames)`.
+fn ball_and_plate(shifts: &[f64]) -> (TriMesh, Vec<Vec<Vec3>>) {
+    let plate = shapes::moved(&shapes::rectangle(30, 30, 0.6, 0.8), Vec3::new(0.1, -0.4, 0.0));
+    let ball = shapes::icosphere(3);
+    let ball = ball.with_vertices(ball.vertices().iter().map(|it| it * 0.12).collect()).unwrap();
+    let ball = shapes::moved(&ball, Vec3::new(-0.8, 0.0, -0.4));
+    let both = shapes::union(&plate, &ball);
+    let n_plate = plate.n_vertices();
+    let pose = |shift: &f64| {
+        let at = |it: (usize, &Vec3)| it.1 + Vec3::x() * if it.0 < n_plate { 0.0 } else { *shift };
+        both.vertices().iter().enumerate().map(at).collect()
+    };
+    let frames = shifts.iter().map(pose).collect();
+    (both, frames)
+}
+
+/// How far the ball has come.
+fn way_of_ball(tracked: &MeshSequence, frame: usize) -> f64 {
+    let is_ball = |it: &usize| tracked.frame(0)[*it].x < -0.3;
+    let ways: Vec<f64> = (0..tracked.n_vertices())
+        .filter(is_ball)
+        .map(|it| tracked.frame(frame)[it].x - tracked.frame(0)[it].x)
+        .collect();
+    ways.iter().sum::<f64>() / ways.len() as f64
+}
+
+#[test]
+fn fast_motions_are_met_ahead() {
+    // Steps grow to more than the ball is wide.
+    let shifts = [0.0, 0.06, 0.17, 0.32, 0.52];
+    let (mesh, frames) = ball_and_plate(&shifts);
+    let film = filmed(&mesh, frames);
+    let (source, _) = depth_mesh(&film.video, 0, 0.1, 2).unwrap();
+    let off = |momentum: f64| {
+        let options = NrrOptions { momentum, ..NrrOptions::default() };
+        let tracked = track(&film.video, &source, 0, &options).unwrap().sequence;
+        (way_of_ball(&tracked, 4) - shifts[4]).abs()
+    };
+    let (with, without) = (off(1.0), off(0.0));
+    println!("{with} {without}");
+    assert!(with < 0.03 && without > 2.0 * with, "{with} {without}");
+}
+
+#[test]
+fn what_gets_hidden_does_not_run_on() {
+    // The ball gets behind the plate, and stays there.
+    let shifts: Vec<f64> = (0..14).map(|it| 0.11 * f64::from(it.min(10))).collect();
+    let (mesh, frames) = ball_and_plate(&shifts);
+    let film = filmed(&mesh, frames);
+    let (tracked, _) = tracked(&film, 0, 2);
+    for frame in 10..14 {
+        let way = way_of_ball(&tracked.sequence, frame);
+        println!("{frame} {way}");
+        assert!(way > 0.7 && way < 1.4, "{way}");
+    }
+}
+
 /// The paper's solver follows the strip, too, and the same at any number of threads; the default is
 /// nearer to the truth.
 #[test]

@@ -52,6 +52,8 @@ pub struct NrrOptions {
     pub reverse: f64,
     /// How many vertices carry data at most.
     pub n_samples: usize,
+    /// The share of the last motion by which a frame may start ahead of the frame before.
+    pub momentum: f64,
     /// Rounds of erosion before nodes are placed.
     pub erosion: usize,
     /// The least share of what is seen of the surface that lies on the subject; below, the subject is
@@ -76,6 +78,7 @@ impl Default for NrrOptions {
             smoothing: 2,
             reverse: 0.5,
             n_samples: 5000,
+            momentum: 1.0,
             erosion: 1,
             least_overlap: 0.5,
             tolerance: 1e-2,
@@ -153,17 +156,8 @@ pub fn track(
     let tracker = Tracker::new(video, mesh, source, options)?;
     let n_frames = video.n_frames();
     let mut tracked: Vec<Option<(Vec<Vec3>, FrameReport)>> = vec![None; n_frames];
-    let start = Motion::identity(tracker.fine.n_nodes());
-    let mut motion = start.clone();
-    for frame in source..n_frames {
-        let (next, vertices, report) = tracker.step(frame, &motion);
-        (motion, tracked[frame]) = (next, Some((vertices, report)));
-    }
-    motion = start;
-    for frame in (0..source).rev() {
-        let (next, vertices, report) = tracker.step(frame, &motion);
-        (motion, tracked[frame]) = (next, Some((vertices, report)));
-    }
+    tracker.follow(source..n_frames, &mut tracked);
+    tracker.follow((0..source).rev(), &mut tracked);
     let (frames, reports) = tracked.into_iter().map(|it| it.expect("both ways")).unzip();
     let sequence =
         MeshSequence::from_frames(frames, mesh.faces().to_vec(), video.frames_per_second())?;
@@ -203,6 +197,15 @@ fn check(
 
 /// How many target pixels tell how much of a frame is covered.
 const N_COVERED: usize = 4000;
+
+/// A tracked frame.
+struct Step {
+    motion: Motion,
+    vertices: Vec<Vec3>,
+    report: FrameReport,
+    /// By node, how much of what it moves was found; empty if the frame was not.
+    shares: Vec<f64>,
+}
 
 struct Tracker<'a> {
     video: &'a DepthVideo,
@@ -256,8 +259,46 @@ impl<'a> Tracker<'a> {
         Ok(Self { video, mesh, options, gate, scale, bound, samples, coarse, fine, fine_pattern })
     }
 
-    /// Tracks one frame from the motion of its neighbour.
-    fn step(&self, frame: usize, previous: &Motion) -> (Motion, Vec<Vec3>, FrameReport) {
+    /// Tracks frames from the source's neighbour on.
+    fn follow(
+        &self,
+        frames: impl Iterator<Item = usize>,
+        tracked: &mut [Option<(Vec<Vec3>, FrameReport)>],
+    ) {
+        let mut motion = Motion::identity(self.fine.n_nodes());
+        let mut ahead = motion.clone();
+        for frame in frames {
+            let Step { motion: next, vertices, report, shares } =
+                self.step(frame, &motion, &ahead);
+            // What is hidden stays where it was: nothing would stop it.
+            let shares: Vec<f64> = shares.iter().map(|it| it * self.options.momentum).collect();
+            ahead = if report.is_lost { next.clone() } else { next.ahead(&motion, &shares) };
+            (motion, tracked[frame]) = (next, Some((vertices, report)));
+        }
+    }
+
+    /// The share of the samples of every node that find their pairs in a frame.
+    fn paired_shares(&self, target: &Target, vertices: &[Vec3]) -> Vec<f64> {
+        let seen = Seen::new(target, vertices, self.mesh.faces());
+        let limits = self.limit(1.0);
+        let places: Vec<(u32, Vec3)> =
+            self.samples.iter().map(|it| (*it, vertices[*it as usize])).collect();
+        let visible = visible(target, &seen, &places, &limits);
+        let sums = |samples: &mut dyn Iterator<Item = u32>| {
+            let mut sums = vec![0.0; self.fine.n_nodes()];
+            for (node, weight) in samples.flat_map(|it| self.fine.skin[it as usize]) {
+                sums[node as usize] += weight;
+            }
+            sums
+        };
+        let pairs = source_to_target(target, &seen, &visible, &limits);
+        let paired = sums(&mut pairs.iter().map(|it| self.samples[it.sample as usize]));
+        let all = sums(&mut self.samples.iter().copied());
+        paired.iter().zip(all).map(|(part, all)| if all > 0.0 { part / all } else { 0.0 }).collect()
+    }
+
+    /// Tracks one frame from the motion of its neighbour, or from ahead of it where that is nearer.
+    fn step(&self, frame: usize, previous: &Motion, ahead: &Motion) -> Step {
         if let Solver::Paper(options) = &self.options.solver {
             return self.paper_step(frame, previous, options);
         }
@@ -267,10 +308,14 @@ impl<'a> Tracker<'a> {
         let target = Target::of_window(self.video, frame, window, self.gate, smoothing);
         let first = self.report(&target, &before, 0);
         if target.measured.is_empty() {
-            return (previous.clone(), before, FrameReport { is_lost: true, ..first });
+            let report = FrameReport { is_lost: true, ..first };
+            return Step { motion: previous.clone(), vertices: before, report, shares: vec![] };
         }
         let (mut motion, mut is_relocalized) = (previous.clone(), false);
-        if self.is_off(&first) {
+        let at_once = warp(&self.fine, self.mesh.vertices(), ahead);
+        if ahead != previous && self.report(&target, &at_once, 0).iou > first.iou {
+            motion = ahead.clone();
+        } else if self.is_off(&first) {
             let faces = self.mesh.faces();
             let seed = self.options.seed ^ frame as u64;
             if let Some(rigid) = relocalize(&target, &before, faces, self.scale, seed) {
@@ -283,10 +328,11 @@ impl<'a> Tracker<'a> {
         let report = self.report(&target, &vertices, N_COVERED);
         let is_lost = self.is_off(&report);
         let report = FrameReport { n_iterations, is_relocalized, is_lost, ..report };
-        match is_lost && !(report.iou > first.iou) {
-            true => (previous.clone(), before, report),
-            false => (motion, vertices, report),
+        if is_lost && !(report.iou > first.iou) {
+            return Step { motion: previous.clone(), vertices: before, report, shares: vec![] };
         }
+        let shares = self.paired_shares(&target, &vertices);
+        Step { motion, vertices, report, shares }
     }
 
     /// Tracks one frame as the paper does.
@@ -295,7 +341,7 @@ impl<'a> Tracker<'a> {
         frame: usize,
         previous: &Motion,
         options: &PaperOptions,
-    ) -> (Motion, Vec<Vec3>, FrameReport) {
+    ) -> Step {
         let target = Target::new(self.video, frame, self.gate, 0);
         let points: Vec<Vec3> =
             target.measured.iter().map(|it| target.points[*it as usize]).collect();
@@ -310,7 +356,8 @@ impl<'a> Tracker<'a> {
         let vertices = warp(&self.fine, self.mesh.vertices(), &motion);
         let n_iterations = if is_lost { 0 } else { options.n_steps };
         let report = self.report(&target, &vertices, N_COVERED);
-        (motion, vertices, FrameReport { is_lost, n_iterations, ..report })
+        let report = FrameReport { is_lost, n_iterations, ..report };
+        Step { motion, vertices, report, shares: vec![0.0; self.fine.n_nodes()] }
     }
 
     /// Whether a surface does not explain a frame.

@@ -34,6 +34,22 @@ impl Motion {
         }
     }
 
+    /// Where nodes get if they go on as they came from the motion before, each by a share of that way.
+    pub fn ahead(&self, before: &Self, shares: &[f64]) -> Self {
+        let turn = |node: usize| {
+            let (now, before) = (self.rotations[node], before.rotations[node]);
+            Rotation3::new((now * before.inverse()).scaled_axis() * shares[node]) * now
+        };
+        let shift = |node: usize| {
+            let (now, before) = (self.translations[node], before.translations[node]);
+            now + (now - before) * shares[node]
+        };
+        Self {
+            rotations: (0..shares.len()).map(turn).collect(),
+            translations: (0..shares.len()).map(shift).collect(),
+        }
+    }
+
     /// Where a point goes that nodes move:
     /// `sum_j w_j (R_j (v - g_j) + g_j + t_j)`.
     pub fn point(&self, nodes: &[Vec3], skin: &[(u32, f64); N_INFLUENCES], point: &Vec3) -> Vec3 {
@@ -84,6 +100,18 @@ pub fn fit_rigid(pairs: &[(Vec3, Vec3)]) -> (Rotation3<f64>, Vec3) {
 mod tests {
     use super::*;
     use crate::kernels::shapes;
+
+    #[test]
+    fn steady_motions_are_told_ahead() {
+        let at = |time: f64| Motion {
+            rotations: vec![Rotation3::new(Vec3::new(0.1, -0.2, 0.3) * time)],
+            translations: vec![Vec3::new(1.0, 2.0, -0.5) * time],
+        };
+        let (found, expected) = (at(2.0).ahead(&at(1.0), &[1.0]), at(3.0));
+        assert!((found.rotations[0].matrix() - expected.rotations[0].matrix()).norm() < 1e-12);
+        assert!((found.translations[0] - expected.translations[0]).norm() < 1e-12);
+        assert_eq!(at(2.0).ahead(&at(1.0), &[0.0]).translations, at(2.0).translations);
+    }
 
     #[test]
     fn a_rigid_motion_of_all_nodes_is_rigid() {
