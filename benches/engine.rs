@@ -227,9 +227,10 @@ fn print_samples(name: &str, mut samples: Vec<Sample>) {
     println!("{name:10} {result:>10} {best:>10.1?} {median:>10.1?} {wall:>12.1?} {peak:>6} MiB");
 }
 
-fn load(folder: &Path) -> Graph {
-    pipeline::load(&folder.join("pipeline.toml"), &BENCH, &Settings::default())
-        .unwrap_or_else(|e| panic!("{}", e.render(false)))
+/// As the program does it: the graph lives as long as the process.
+fn load(folder: &Path) -> &'static Graph {
+    let graph = pipeline::load(&folder.join("pipeline.toml"), &BENCH, &Settings::default());
+    Box::leak(Box::new(graph.unwrap_or_else(|e| panic!("{}", e.render(false)))))
 }
 
 fn open(folder: &Path) -> Store {
@@ -262,7 +263,7 @@ fn run_all(folder: &Path, threads: usize) -> usize {
         sources: Vec::new(),
     };
     let mut recorder = Recorder::start(store.dir(), &start);
-    let report = run::run(&graph, &BENCH, &store, &options, &mut recorder);
+    let report = run::run(graph, &BENCH, &store, &options, &mut recorder);
     assert!(report.succeeded());
     recorder.done(&report);
     report.counts().ran
@@ -271,8 +272,8 @@ fn run_all(folder: &Path, threads: usize) -> usize {
 /// Prints how many instances would run, or perhaps would.
 fn plan_child(folder: &Path) {
     let (graph, store) = (load(folder), open(folder));
-    let memory = PipelineMemory::new(&store, &graph);
-    let plan = plan::plan(&graph, &[], &BTreeSet::new(), &memory);
+    let memory = PipelineMemory::new(&store, graph);
+    let plan = plan::plan(graph, &[], &BTreeSet::new(), &memory);
     let is_to_do = |it: &&Status| matches!(it, Status::Run { .. } | Status::Follows { .. });
     print!("{}", plan.statuses.iter().filter(is_to_do).count());
 }
@@ -281,10 +282,10 @@ fn plan_child(folder: &Path) {
 fn explain_child(folder: &Path, node: &str) {
     let (graph, store) = (load(folder), open(folder));
     let index = graph.select(node)[0];
-    let memory = PipelineMemory::new(&store, &graph);
-    let plan = plan::plan(&graph, &[index], &BTreeSet::new(), &memory);
-    let causes = PlanCauses::new(&graph, &plan, &memory);
-    let roots = why::roots(&graph, index, &plan);
+    let memory = PipelineMemory::new(&store, graph);
+    let plan = plan::plan(graph, &[index], &BTreeSet::new(), &memory);
+    let causes = PlanCauses::new(graph, &plan, &memory);
+    let roots = why::roots(graph, index, &plan);
     let steps = roots.into_iter().filter_map(|root| match &plan.statuses[root.index()] {
         Status::Run { reason, .. } => {
             let why = causes.why(root, reason);

@@ -16,6 +16,7 @@ pub mod node;
 pub mod params;
 pub mod pipeline;
 pub mod plan;
+pub mod port_map;
 pub mod program;
 pub mod record;
 pub mod reference;

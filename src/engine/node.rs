@@ -4,8 +4,9 @@ use std::{
     borrow::Cow,
     collections::BTreeMap,
     marker::PhantomData,
+    ops::Deref,
     path::{Path, PathBuf},
-    sync::Arc,
+    sync::{Arc, OnceLock},
 };
 
 use schemars::JsonSchema;
@@ -17,6 +18,7 @@ pub use super::labels::Labels;
 use super::{
     artifact::{AnyArtifact, Artifact, ArtifactType, Bytes},
     digest::Digest,
+    key::params_text,
     labels::InputLabels,
 };
 
@@ -606,6 +608,32 @@ impl<N: Node> AnyNode for N {
 
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
         Node::run(self, io)
+    }
+}
+
+/// A node whose parameters were checked.
+pub struct CheckedNode {
+    node: Box<dyn AnyNode>,
+    /// Made when it is asked for first: a node may be shared by all items of an axis.
+    key_params: OnceLock<Box<str>>,
+}
+
+impl CheckedNode {
+    pub fn new(node: Box<dyn AnyNode>) -> Self {
+        Self { node, key_params: OnceLock::new() }
+    }
+
+    /// Its parameters as they are written in keys.
+    pub fn key_params(&self) -> &str {
+        self.key_params.get_or_init(|| params_text(&self.node.canonical_params()).into())
+    }
+}
+
+impl Deref for CheckedNode {
+    type Target = dyn AnyNode;
+
+    fn deref(&self) -> &Self::Target {
+        self.node.as_ref()
     }
 }
 

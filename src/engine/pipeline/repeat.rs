@@ -3,7 +3,10 @@
 //! A draft has the axes that its parameters name and those of what it reads, less those that it
 //! gathers. Wires join on the axes that both ends have; over all others they broadcast.
 
-use std::collections::BTreeSet;
+use std::{
+    collections::BTreeSet,
+    sync::{Arc, LazyLock},
+};
 
 use super::{
     axes::{Axis, Base, Point, Side},
@@ -70,6 +73,9 @@ impl Repeat {
     }
 
     pub fn labels(&self, axes: &[Axis], point: &Point) -> Labels {
+        if point.is_empty() {
+            return Arc::clone(&NO_LABELS);
+        }
         let label = |&(axis, at): &(AxisId, usize)| {
             let axis = &axes[axis.0];
             (axis.name.clone(), axis.items[at].label.clone())
@@ -86,6 +92,9 @@ impl Repeat {
             })
     }
 }
+
+/// Shared by the many that have none.
+static NO_LABELS: LazyLock<Labels> = LazyLock::new(|| Labels::from([]));
 
 /// All combinations of the items of some axes, the last axis running fastest.
 pub fn points<'a>(

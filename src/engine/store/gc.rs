@@ -186,6 +186,8 @@ pub fn collect(dir: &Path, options: &GcOptions) -> Result<GcReport, GcError> {
             | RecordKind::Facts => !options.all,
             // One is left behind at every start of the machine; they are soon made again.
             RecordKind::Checked => false,
+            // It tells of records some of which may be gone.
+            RecordKind::LastKeys => false,
         })?;
         remove_leftovers(dir)?;
     }
@@ -279,6 +281,7 @@ fn remove_records(dir: &Path, mut damaged: DamagedRecords) -> Result<(), GcError
         | RecordKind::Exported
         | RecordKind::Facts
         | RecordKind::Checked => true,
+        RecordKind::LastKeys => false,
     })?;
     Ok(())
 }

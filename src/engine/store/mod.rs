@@ -18,6 +18,7 @@
 
 mod claims;
 pub mod disk;
+mod entry_outputs;
 mod gate;
 pub mod gc;
 mod log;
@@ -27,7 +28,6 @@ mod uses;
 mod witness;
 
 use std::{
-    borrow::Cow,
     collections::HashSet,
     io,
     path::{Path, PathBuf},
@@ -43,6 +43,7 @@ use serde::{Deserialize, Serialize};
 pub use claims::Claim;
 use claims::Claims;
 use disk::Disk;
+pub use entry_outputs::{EntryOutputs, OutputView};
 use gate::{Gate, Pass};
 use log::{Log, RecordKind};
 pub use objects::ObjectError;
@@ -96,26 +97,6 @@ pub struct EntryOutput {
     pub port: String,
     #[serde(rename = "type")]
     pub ty: String,
-    pub digest: Digest,
-    pub bytes: u64,
-}
-
-/// What an entry says of its artifacts, read where it lies.
-#[derive(Debug, Deserialize)]
-pub struct EntryOutputs<'a> {
-    #[serde(borrow)]
-    pub outputs: Vec<OutputView<'a>>,
-    #[serde(default)]
-    pub absent: Vec<(String, String)>,
-}
-
-/// An [`EntryOutput`] where it lies.
-#[derive(Debug, Deserialize)]
-pub struct OutputView<'a> {
-    #[serde(borrow)]
-    pub port: Cow<'a, str>,
-    #[serde(borrow, rename = "type")]
-    pub ty: Cow<'a, str>,
     pub digest: Digest,
     pub bytes: u64,
 }
@@ -266,10 +247,7 @@ impl Store {
         key: &Digest,
         look: impl FnOnce(&EntryOutputs<'_>) -> Option<T>,
     ) -> Option<T> {
-        self.log().view(RecordKind::Entry, key, |payload| {
-            let line = payload.split(|&it| it == b'\n').next()?;
-            look(&serde_json::from_slice(line).ok()?)
-        })?
+        self.log().view(RecordKind::Entry, key, |payload| look(&EntryOutputs::read(payload)?))?
     }
 
     /// Sees what other processes have written since; costs little if nobody has.
@@ -431,6 +409,8 @@ pub enum Note {
     FileDigest,
     /// About (pipeline, instance): the key that it had last.
     LastKey,
+    /// About a pipeline: a digest of all keys that its instances had last.
+    LastKeys,
     /// About a path in the user's folder: what was written there.
     Exported,
     /// About a question to the machine: the answer, and what it was read from.
@@ -444,6 +424,7 @@ impl Note {
         match self {
             Self::FileDigest => RecordKind::FileDigest,
             Self::LastKey => RecordKind::LastKey,
+            Self::LastKeys => RecordKind::LastKeys,
             Self::Exported => RecordKind::Exported,
             Self::Facts => RecordKind::Facts,
             Self::Checked => RecordKind::Checked,

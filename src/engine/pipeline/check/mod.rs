@@ -27,12 +27,13 @@ use crate::engine::{
     graph::{Graph, Inputs, Instance, Place, PortRef},
     labels::InputLabels,
     library::Library,
-    node::AnyNode,
+    node::CheckedNode,
     params::Fields,
+    port_map::PortMap,
 };
 
 /// By port: the wires of a draft.
-pub type Wires = BTreeMap<&'static str, Vec<WireEnd>>;
+pub type Wires = PortMap<Vec<WireEnd>>;
 
 /// More instances than any machine plans: two axes that were not meant to be multiplied.
 const MOST_INSTANCES: usize = 2_000_000;
@@ -58,7 +59,7 @@ pub fn check(
         checker.check_constant_drafts();
         return None;
     };
-    let mut instances = Vec::new();
+    let mut instances = Vec::with_capacity(repeats.iter().map(|it| it.repeat.count).sum());
     let mut sound = true;
     for (draft, (wires, repeat)) in expansion.drafts.iter().zip(wires.iter().zip(&repeats)) {
         sound &= checker.check_draft(draft, wires, repeat, &repeats, &mut instances);
@@ -174,7 +175,7 @@ impl Checker<'_> {
             self.problems.push(Diagnostic::error(&draft.place, message));
         }
         for port in draft.kind.spec.inputs.iter().filter(|it| !it.arity.takes_list()) {
-            let all = wires.iter().flat_map(|(name, ends)| ends.iter().map(move |_| *name));
+            let all = wires.iter().flat_map(|(name, ends)| ends.iter().map(move |_| name));
             let of_port = all.zip(&joined).filter(|it| it.0 == port.name);
             let mut its_axes = of_port.flat_map(|it| &it.1.axes);
             if let Some(axis) = its_axes.find(|it| gathered.contains(it)) {
@@ -266,7 +267,7 @@ impl Checker<'_> {
         draft: &Draft,
         wires: &Wires,
         point: &Point,
-    ) -> Option<(Arc<dyn AnyNode>, BTreeMap<PathBuf, PathBuf>)> {
+    ) -> Option<(Arc<CheckedNode>, BTreeMap<PathBuf, PathBuf>)> {
         let axes = &self.expansion.axes;
         let fields: Vec<Entry> = draft
             .fields
@@ -291,7 +292,7 @@ fn inputs(
 ) -> (Inputs, InputLabels) {
     let (mut inputs, mut labels) = (Inputs::new(), InputLabels::new());
     let mut all_joined = repeated.joined.iter();
-    for (&name, ends) in wires {
+    for (name, ends) in wires {
         let port = draft.kind.spec.inputs.iter().find(|it| it.name == name);
         let is_labelled = port.is_some_and(|it| it.labelled);
         let (mut refs, mut port_labels) = (Vec::with_capacity(ends.len()), Vec::new());
