@@ -31,11 +31,13 @@ use sinew::engine::{
     artifact::{AnyArtifact, Artifact, ArtifactKind, ArtifactType, DecodeError, Decoder, Encoder},
     graph::Graph,
     library::Library,
+    memory,
     node::{Input, Node, NodeError, NodeIo, NodeKind, OptionalInputs, Output, Spec},
-    pipeline::{self, Settings},
+    pipeline::Settings,
     plan::{self, PipelineMemory, Status},
     record::{self, RECORD_VERSION, Recorder, RunStart},
     run::{self, RunOptions},
+    snapshot,
     store::{Access, Store},
     toy::Number,
     why::{self, PlanCauses, Tense},
@@ -47,6 +49,9 @@ const ROUNDS: usize = 7;
 const BLOCK_LEN: usize = 6_000_000;
 
 fn main() {
+    if std::env::var_os("SMALL_PAGES").is_none() {
+        memory::prefer_large_pages();
+    }
     let args: Vec<String> = std::env::args().skip(1).filter(|it| it != "--bench").collect();
     match args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["run", folder, jobs] => run_child(Path::new(folder), jobs.parse().expect("a number")),
@@ -228,13 +233,14 @@ fn print_samples(name: &str, mut samples: Vec<Sample>) {
 }
 
 /// As the program does it: the graph lives as long as the process.
-fn load(folder: &Path) -> &'static Graph {
-    let graph = pipeline::load(&folder.join("pipeline.toml"), &BENCH, &Settings::default());
+fn load(folder: &Path, store: &Store) -> &'static Graph {
+    let path = folder.join("pipeline.toml");
+    let graph = snapshot::load(&path, &BENCH, &Settings::default(), store);
     Box::leak(Box::new(graph.unwrap_or_else(|e| panic!("{}", e.render(false)))))
 }
 
-fn open(folder: &Path) -> Store {
-    Store::open(&folder.join("cache"), Access::ReadWrite).expect("a writable folder")
+fn open(folder: &Path, access: Access) -> Store {
+    Store::open(&folder.join("cache"), access).expect("a writable folder")
 }
 
 /// Prints how many nodes ran.
@@ -243,7 +249,8 @@ fn run_child(folder: &Path, threads: usize) {
 }
 
 fn run_all(folder: &Path, threads: usize) -> usize {
-    let (graph, store) = (load(folder), open(folder));
+    let store = open(folder, Access::ReadWrite);
+    let graph = load(folder, &store);
     let options = RunOptions {
         threads,
         output_dir: folder.to_owned(),
@@ -271,7 +278,8 @@ fn run_all(folder: &Path, threads: usize) -> usize {
 
 /// Prints how many instances would run, or perhaps would.
 fn plan_child(folder: &Path) {
-    let (graph, store) = (load(folder), open(folder));
+    let store = open(folder, Access::ReadOnly);
+    let graph = load(folder, &store);
     let memory = PipelineMemory::new(&store, graph);
     let plan = plan::plan(graph, &[], &BTreeSet::new(), &memory);
     let is_to_do = |it: &&Status| matches!(it, Status::Run { .. } | Status::Follows { .. });
@@ -280,7 +288,8 @@ fn plan_child(folder: &Path) {
 
 /// Prints how many steps explain why a node would run.
 fn explain_child(folder: &Path, node: &str) {
-    let (graph, store) = (load(folder), open(folder));
+    let store = open(folder, Access::ReadOnly);
+    let graph = load(folder, &store);
     let index = graph.select(node)[0];
     let memory = PipelineMemory::new(&store, graph);
     let plan = plan::plan(graph, &[index], &BTreeSet::new(), &memory);
@@ -306,7 +315,7 @@ fn block_child(folder: &Path) {
     run_all(folder, 2);
     let ran = start.elapsed();
     let (artifact, _) = AnyArtifact::encode(block);
-    let store = open(folder);
+    let store = open(folder, Access::ReadWrite);
     let map = || {
         let start = Instant::now();
         let bytes = store.object(Block::TYPE, &artifact.digest()).expect("it is stored");

@@ -11,6 +11,7 @@ use std::{
 use petgraph::graph::{DiGraph, NodeIndex};
 
 use super::{
+    digest::Digest,
     labels::{InputLabels, Labels},
     node::{CheckedNode, NodeKind},
     port_map::PortMap,
@@ -28,6 +29,17 @@ pub struct Graph {
     pub outputs: Vec<OutputRule>,
     /// Every pipeline file that was read; the first is the one that was asked for.
     pub sources: Vec<Source>,
+    /// What was looked at to read it; `None` if that is not known.
+    pub looks: Option<Looks>,
+}
+
+/// All of the disk that a pipeline was read from, beside the files of its nodes.
+#[derive(Debug, Clone, Default)]
+pub struct Looks {
+    /// A path that was followed, where it led, and which source was read there.
+    pub texts: Vec<(PathBuf, PathBuf, usize)>,
+    /// A pattern of files, and a digest of what it found.
+    pub listings: Vec<(String, Digest)>,
 }
 
 /// By port: where its artifacts come from, in order.
@@ -106,6 +118,26 @@ impl Place {
     pub fn span(&self) -> Range<usize> {
         self.start as usize..self.end as usize
     }
+}
+
+/// The graph of instances whose inputs are known; they keep their order.
+pub fn connect(instances: Vec<Instance>) -> DiGraph<Instance, ()> {
+    let n_edges = instances.iter().flat_map(|it| it.inputs.values()).map(Vec::len).sum();
+    let mut graph = DiGraph::with_capacity(instances.len(), n_edges);
+    let mut edges = Vec::with_capacity(n_edges);
+    for (index, instance) in instances.into_iter().enumerate() {
+        let start = edges.len();
+        edges.extend(
+            instance.inputs.values().flatten().map(|it| (it.instance, NodeIndex::new(index))),
+        );
+        edges[start..].sort_unstable();
+        graph.add_node(instance);
+    }
+    edges.dedup();
+    for (from, to) in edges {
+        graph.add_edge(from, to, ());
+    }
+    graph
 }
 
 impl Graph {

@@ -12,6 +12,7 @@ pub mod graph;
 pub mod key;
 pub mod labels;
 pub mod library;
+pub mod memory;
 pub mod node;
 pub mod params;
 pub mod pipeline;
@@ -23,6 +24,8 @@ pub mod reference;
 pub mod run;
 pub mod schema;
 pub mod settings;
+pub mod shared_text;
+pub mod snapshot;
 pub mod store;
 pub mod tensors;
 #[doc(hidden)]

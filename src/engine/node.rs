@@ -20,6 +20,7 @@ use super::{
     digest::Digest,
     key::params_text,
     labels::InputLabels,
+    shared_text::SharedText,
 };
 
 /// How many wires a port takes.
@@ -611,21 +612,47 @@ impl<N: Node> AnyNode for N {
     }
 }
 
-/// A node whose parameters were checked.
+/// A node whose parameters were checked: the node itself, or what it is made from when somebody needs it.
 pub struct CheckedNode {
-    node: Box<dyn AnyNode>,
+    kind: &'static NodeKind,
+    node: OnceLock<Box<dyn AnyNode>>,
+    /// Its parameters as JSON, if it was not made at once.
+    params: Option<SharedText>,
     /// Made when it is asked for first: a node may be shared by all items of an axis.
-    key_params: OnceLock<Box<str>>,
+    key_params: OnceLock<SharedText>,
+    /// It has no question.
+    asks_nothing: bool,
 }
 
 impl CheckedNode {
-    pub fn new(node: Box<dyn AnyNode>) -> Self {
-        Self { node, key_params: OnceLock::new() }
+    pub fn new(kind: &'static NodeKind, node: Box<dyn AnyNode>) -> Self {
+        let node = OnceLock::from(node);
+        Self { kind, node, params: None, key_params: OnceLock::new(), asks_nothing: false }
+    }
+
+    /// A node that was checked before, from what it said of itself then.
+    pub fn of_params(
+        kind: &'static NodeKind,
+        params: SharedText,
+        key_params: SharedText,
+        asks: bool,
+    ) -> Self {
+        let (node, key_params) = (OnceLock::new(), OnceLock::from(key_params));
+        Self { kind, node, params: Some(params), key_params, asks_nothing: !asks }
+    }
+
+    pub fn kind(&self) -> &'static NodeKind {
+        self.kind
     }
 
     /// Its parameters as they are written in keys.
     pub fn key_params(&self) -> &str {
-        self.key_params.get_or_init(|| params_text(&self.node.canonical_params()).into())
+        self.key_params.get_or_init(|| params_text(&self.canonical_params()).into())
+    }
+
+    /// As [`Node::question`].
+    pub fn question(&self) -> Option<Question> {
+        if self.asks_nothing { None } else { self.deref().question() }
     }
 }
 
@@ -633,7 +660,12 @@ impl Deref for CheckedNode {
     type Target = dyn AnyNode;
 
     fn deref(&self) -> &Self::Target {
-        self.node.as_ref()
+        let make = || {
+            let params = self.params.as_deref().expect("it has a node or parameters");
+            let params = serde_json::from_str(params).expect("it was written as JSON");
+            (self.kind.parse)(params).expect("these parameters were checked")
+        };
+        self.node.get_or_init(make).as_ref()
     }
 }
 

@@ -30,6 +30,14 @@ impl<T> PortMap<T> {
         Some(&self.entries[self.position(port).ok()?].1)
     }
 
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
     pub fn contains_key(&self, port: &str) -> bool {
         self.position(port).is_ok()
     }

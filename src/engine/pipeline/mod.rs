@@ -36,6 +36,7 @@ mod wires;
 use std::path::{Path, PathBuf};
 
 pub use diagnostic::{Diagnostic, Diagnostics, Severity};
+pub use axes::listing;
 pub use nearest::{nearest, suggest};
 pub use open_ports::with_ports;
 
@@ -119,7 +120,9 @@ fn load_first(
         check::check(&expansion, library, &sources, &mut problems)
     });
     match graph {
-        Some(graph) if problems.is_empty() => Ok(Graph { sources: sources.list, ..graph }),
+        Some(graph) if problems.is_empty() => {
+            Ok(Graph { sources: sources.list, looks: Some(sources.looks), ..graph })
+        }
         _ => Err(Diagnostics::new(problems, sources.list)),
     }
 }

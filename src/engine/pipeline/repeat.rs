@@ -3,10 +3,7 @@
 //! A draft has the axes that its parameters name and those of what it reads, less those that it
 //! gathers. Wires join on the axes that both ends have; over all others they broadcast.
 
-use std::{
-    collections::BTreeSet,
-    sync::{Arc, LazyLock},
-};
+use std::collections::BTreeSet;
 
 use super::{
     axes::{Axis, Base, Point, Side},
@@ -16,7 +13,7 @@ use super::{
     value::{AxisId, Key},
     wires::{Selection, WireEnd},
 };
-use crate::engine::labels::Labels;
+use crate::engine::labels::{Labels, no_labels};
 
 /// The position along one axis of the instance that a wire leads to.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -74,7 +71,7 @@ impl Repeat {
 
     pub fn labels(&self, axes: &[Axis], point: &Point) -> Labels {
         if point.is_empty() {
-            return Arc::clone(&NO_LABELS);
+            return no_labels();
         }
         let label = |&(axis, at): &(AxisId, usize)| {
             let axis = &axes[axis.0];
@@ -92,9 +89,6 @@ impl Repeat {
             })
     }
 }
-
-/// Shared by the many that have none.
-static NO_LABELS: LazyLock<Labels> = LazyLock::new(|| Labels::from([]));
 
 /// All combinations of the items of some axes, the last axis running fastest.
 pub fn points<'a>(

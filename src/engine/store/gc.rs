@@ -26,6 +26,7 @@ use crate::engine::{
     key::Key,
     library::Library,
     record::{self, Line, Record},
+    snapshot,
 };
 
 /// Why housekeeping did not happen.
@@ -402,6 +403,10 @@ fn remove_leftovers(dir: &Path) -> Result<(), StoreError> {
         if name.starts_with(disk::TEMPORARY) || name.ends_with(".damaged") {
             remove(&path)?;
         }
+    }
+    // Of pipelines that may never be run again; of all others they are soon made again.
+    for path in fs::read_dir(dir.join(snapshot::FOLDER)).into_iter().flatten().flatten() {
+        remove(&path.path())?;
     }
     Ok(())
 }

@@ -56,8 +56,8 @@ const MAGIC: &[u8; 8] = b"SINEWLG1";
 /// that replaces another has a larger one. No clock has a say in it.
 const HEADER: usize = 56;
 
-/// Nearly all records are larger, so an index with room for as many need not grow much.
-const USUAL_RECORD: usize = 400;
+/// A record has about so many bytes: an index with room for as many need not grow while it is filled.
+const USUAL_RECORD: usize = 300;
 
 const MAX_GENERATION: u32 = (1 << 24) - 1;
 

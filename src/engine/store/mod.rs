@@ -8,6 +8,7 @@
 //!   log/*.log        append-only segments: entries, small objects, digests of files …
 //!   objects/ab/…     one file an object that is too large for the log
 //!   runs/*.jsonl     run records
+//!   graphs/*.graph   pipelines that were read before
 //!   uses/*           what running runs rely on
 //!   pins/*           what `gc` must keep
 //! ```
@@ -368,6 +369,28 @@ impl Store {
             notes.into_iter().map(|(note, digest, bytes)| (note.record(), digest, bytes)).collect();
         let _pass = self.enter()?;
         self.log().append(&records)
+    }
+
+    /// Writes a whole file below the folder of the store, beside what it keeps itself.
+    ///
+    /// # Errors
+    /// If the disk refuses.
+    pub fn write_beside(&self, place: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+        let path = self.dir.join(place);
+        let folder = path.parent().expect("a file lies in a folder");
+        let _pass = self.enter()?;
+        self.disk.in_folder(folder, || {
+            self.disk.write_whole(&path, bytes).map_err(StoreError::new("write", &path))
+        })
+    }
+
+    /// A whole file below the folder of the store, if it can be read.
+    pub fn read_beside(&self, place: &Path) -> Option<Vec<u8>> {
+        let path = self.dir.join(place);
+        let file = self.disk.open(&path).ok()?;
+        let mut bytes = vec![0; self.disk.length(&file, &path).ok()?.try_into().ok()?];
+        self.disk.read_at(&file, &path, &mut bytes, 0).ok()?;
+        Some(bytes)
     }
 
     fn enter(&self) -> Result<Option<Pass>, StoreError> {

@@ -10,7 +10,7 @@ use std::{
     sync::Arc,
 };
 
-use petgraph::graph::{DiGraph, NodeIndex};
+use petgraph::graph::NodeIndex;
 
 use super::{
     axes::{self, Axis, Point},
@@ -24,7 +24,7 @@ use super::{
     wires::WireEnd,
 };
 use crate::engine::{
-    graph::{Graph, Inputs, Instance, Place, PortRef},
+    graph::{self, Graph, Inputs, Instance, Place, PortRef},
     labels::InputLabels,
     library::Library,
     node::CheckedNode,
@@ -80,29 +80,11 @@ pub fn check(
     Some(Graph {
         title: document.title.clone(),
         cites: unique_cites,
-        instances: connect(instances),
+        instances: graph::connect(instances),
         outputs,
         sources: Vec::new(),
+        looks: None,
     })
-}
-
-/// The graph of instances whose inputs are known; they keep their order.
-fn connect(instances: Vec<Instance>) -> DiGraph<Instance, ()> {
-    let mut graph = DiGraph::with_capacity(instances.len(), instances.len() * 2);
-    let mut edges = Vec::new();
-    for (index, instance) in instances.into_iter().enumerate() {
-        let start = edges.len();
-        edges.extend(
-            instance.inputs.values().flatten().map(|it| (it.instance, NodeIndex::new(index))),
-        );
-        edges[start..].sort_unstable();
-        graph.add_node(instance);
-    }
-    edges.dedup();
-    for (from, to) in edges {
-        graph.add_edge(from, to, ());
-    }
-    graph
 }
 
 /// How a draft is repeated, and where its wires lead.

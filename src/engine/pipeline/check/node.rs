@@ -35,7 +35,7 @@ impl Checker<'_> {
         let params = self.check_params(draft, fields);
         let node = self.parse(draft, fields, params?, wires)?;
         let files = self.check_files(draft, fields, node.as_ref());
-        (self.problems.len() == n_problems).then(|| (Arc::new(CheckedNode::new(node)), files))
+        (self.problems.len() == n_problems).then(|| (Arc::new(CheckedNode::new(draft.kind, node)), files))
     }
 
     /// The parameters as data, `None` if one of them is wrong.
