@@ -1,4 +1,6 @@
-use super::matrix::{matrix, put_matrix};
+use std::borrow::Cow;
+
+use super::matrix::{check_matrix, matrix, put_matrix};
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
 use crate::kernels::basis::Basis;
 
@@ -20,18 +22,21 @@ impl Artifact for Basis {
         let eigenvalues = from.vector::<f64>("eigenvalues")?.into_owned();
         let mass = from.vector::<f64>("mass")?.into_owned();
         let eigenvectors = matrix(from, "eigenvectors")?;
-        if eigenvectors.nrows() != mass.len() || eigenvectors.ncols() != eigenvalues.len() {
-            let (n_rows, n_cols) = (eigenvectors.nrows(), eigenvectors.ncols());
-            return Err(DecodeError(format!(
-                "eigenvectors are {n_rows} x {n_cols} for {} masses and {} eigenvalues",
-                mass.len(),
-                eigenvalues.len()
-            )));
-        }
-        if let Some(value) = eigenvalues.iter().chain(&mass).find(|it| !it.is_finite()) {
-            return Err(DecodeError(format!("the value {value}")));
-        }
+        check_parts(&eigenvalues, (eigenvectors.nrows(), eigenvectors.ncols()), &mass)?;
         Ok(Self { eigenvalues, eigenvectors, mass })
+    }
+
+    fn check<'a>(from: &Decoder<'a>, canonical: &mut Encoder<'a>) -> Result<bool, DecodeError> {
+        let (eigenvalues, mass) = (from.vector::<f64>("eigenvalues")?, from.vector::<f64>("mass")?);
+        let (Cow::Borrowed(eigenvalues), Cow::Borrowed(mass)) = (eigenvalues, mass) else {
+            return Ok(false);
+        };
+        canonical.array("eigenvalues", &[eigenvalues.len()], eigenvalues);
+        let shape = check_matrix(from, "eigenvectors", canonical)?;
+        let Some(shape) = shape else { return Ok(false) };
+        check_parts(eigenvalues, shape, mass)?;
+        canonical.array("mass", &[mass.len()], mass);
+        Ok(true)
     }
 
     fn summary(&self) -> Vec<(String, String)> {
@@ -43,5 +48,26 @@ impl Artifact for Basis {
             ("eigenvalues".to_owned(), format!("{}, …", first.join(", "))),
             ("area".to_owned(), format!("{:.6}", self.area())),
         ]
+    }
+}
+
+/// What every basis must hold; `shape` is that of the eigenvectors.
+fn check_parts(
+    eigenvalues: &[f64],
+    shape: (usize, usize),
+    mass: &[f64],
+) -> Result<(), DecodeError> {
+    if shape != (mass.len(), eigenvalues.len()) {
+        return Err(DecodeError(format!(
+            "eigenvectors are {} x {} for {} masses and {} eigenvalues",
+            shape.0,
+            shape.1,
+            mass.len(),
+            eigenvalues.len()
+        )));
+    }
+    match eigenvalues.iter().chain(mass).find(|it| !it.is_finite()) {
+        Some(value) => Err(DecodeError(format!("the value {value}"))),
+        None => Ok(()),
     }
 }

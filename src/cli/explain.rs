@@ -43,7 +43,7 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
         return told::tell(&record, &args.node, &args.store, ui);
     }
     // The process ends with this: to take thousands of instances apart would only cost time.
-    let graph = &*Box::leak(Box::new(args.pipeline.load()?));
+    let graph = &*Box::leak(Box::new(args.pipeline.find_or_load(&args.store)?));
     let store = args.store.open_read_only()?;
     let index = common::find(graph, &args.node)?;
     let memory = common::memory(&store, graph);

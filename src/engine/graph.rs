@@ -29,7 +29,7 @@ pub struct Graph {
     pub outputs: Vec<OutputRule>,
     /// Every pipeline file that was read; the first is the one that was asked for.
     pub sources: Vec<Source>,
-    /// What was looked at to read it; `None` if that is not known.
+    /// What was looked at to read it; `None` if it was not read but kept.
     pub looks: Option<Looks>,
 }
 

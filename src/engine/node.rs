@@ -682,6 +682,8 @@ pub struct NodeKind {
     pub open: bool,
     /// Whether the list inputs of an open kind are labelled.
     pub labels_lists: bool,
+    /// It was made of an open kind: its ports are declared, and it takes artifacts as files.
+    pub declared: bool,
 }
 
 impl NodeKind {
@@ -693,6 +695,7 @@ impl NodeKind {
             handles_limits: N::HANDLES_LIMITS,
             open: false,
             labels_lists: false,
+            declared: false,
         }
     }
 

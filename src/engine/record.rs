@@ -557,6 +557,39 @@ fn next_name(time: &str, salt: &str, newest: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::{
+        pipeline::{self, Settings},
+        plan::OutputInfo,
+        toy::TOY,
+    };
+
+    #[test]
+    fn what_was_stored_is_written_as_any_other_line() {
+        let text = "[axes.n]\nvalues = [1, 2]\n[nodes.\"a\"]\nkind = \"number\"\nvalue = \"${n}\"\n\
+                    [nodes.parts]\nkind = \"divide\"\nnumber = \"@a\"\nby = 2\n";
+        let settings = Settings::default();
+        let graph = pipeline::load_text(text, PathBuf::new(), &TOY, &settings).ok().unwrap();
+        let liner = Liner::new(Instant::now());
+        let without_time = |text: &[u8]| {
+            let text = std::str::from_utf8(text).unwrap();
+            let (start, rest) = text.split_once("\"t\":").unwrap();
+            format!("{start}{}", rest.split_once(',').unwrap().1)
+        };
+        for instance in graph.instances.node_indices() {
+            let ports = graph.instances[instance].kind.spec.outputs;
+            let info = |it: &str| OutputInfo { digest: Digest::of(it.as_bytes()), bytes: 1 };
+            let artifacts = ports.iter().map(|it| (it.name, info(it.name))).collect();
+            let outputs = Outputs { artifacts, ..Outputs::default() };
+            for outputs in [None, Some(&outputs)] {
+                let key = outputs.map(|_| Digest::of(b"key"));
+                let mut written = Vec::new();
+                liner.write_stored(&mut written, &graph, instance, "cached", key, outputs);
+                let event = Event::Finished { instance, outcome: &Outcome::Cached, key, outputs };
+                let line = serde_json::to_vec(&liner.line(&graph, &event)).unwrap();
+                assert_eq!(without_time(&written), without_time(&line) + "\n");
+            }
+        }
+    }
 
     #[test]
     fn names_of_runs_grow_whatever_the_clock_does() {

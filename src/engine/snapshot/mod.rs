@@ -25,10 +25,10 @@ use self::bytes::{Reader, Writer};
 use super::{
     digest::Digest,
     file_digests,
-    graph::{Graph, Instance, Looks, Source},
+    graph::{Graph, Instance, Source},
     library::Library,
     pipeline::{self, Diagnostics, Settings},
-    store::{Access, Store, StoreError},
+    store::{Access, Store, StoreError, disk::Disk},
 };
 
 const MAGIC: &[u8; 8] = b"SINEWGR1";
@@ -52,7 +52,7 @@ pub fn load(
     settings: &Settings,
     store: &Store,
 ) -> Result<Graph, Diagnostics> {
-    if let Some(graph) = find(path, library, settings, store) {
+    if let Some(graph) = find(path, library, settings, store.disk(), store.dir()) {
         return Ok(graph);
     }
     let graph = pipeline::load(path, library, settings)?;
@@ -60,9 +60,9 @@ pub fn load(
     Ok(graph)
 }
 
-/// Keeps a graph that was just read, if that is worth it. Trouble with it harms nobody.
+/// Keeps a graph that was read and not found, if that is worth it. Trouble with it harms nobody.
 pub fn keep(graph: &Graph, path: &Path, library: &Library, settings: &Settings, store: &Store) {
-    if graph.instances.node_count() < WORTH_KEEPING {
+    if graph.looks.is_none() || graph.instances.node_count() < WORTH_KEEPING {
         return;
     }
     if let Err(error) = write(graph, path, library, settings, store) {
@@ -93,19 +93,25 @@ pub fn write(
     store.write_beside(&place(path, settings), &bytes)
 }
 
-/// The graph that was kept of a pipeline, if it is still what reading would give.
-pub fn find(path: &Path, library: &Library, settings: &Settings, store: &Store) -> Option<Graph> {
-    let bytes = store.read_beside(&place(path, settings))?;
+/// The graph that was kept of a pipeline in the folder of a store, if it is still what reading would give.
+pub fn find(
+    path: &Path,
+    library: &Library,
+    settings: &Settings,
+    disk: &Disk,
+    store: &Path,
+) -> Option<Graph> {
+    let bytes = disk.read_whole(&store.join(place(path, settings))).ok()?;
     let (digest, body) = bytes.strip_prefix(MAGIC)?.split_first_chunk::<32>()?;
     let mut reader = Reader::new(body)?;
     let is_about_this = reader.digest()? == about(path, library, settings)?;
     if !is_about_this || Digest::of(body) != Digest(*digest) {
         return None;
     }
-    let (sources, looks) = read_sources(&mut reader)?;
+    let sources = read_sources(&mut reader)?;
     let graph = decode::read(&mut reader, library).filter(|_| reader.is_at_end())?;
     let are_there = graph.instances.node_weights().all(has_same_files);
-    are_there.then_some(Graph { sources, looks: Some(looks), ..graph })
+    are_there.then_some(Graph { sources, ..graph })
 }
 
 /// Where a graph is kept, below the folder of the store.
@@ -153,10 +159,9 @@ fn write_sources(graph: &Graph, to: &mut Writer) -> Option<()> {
         }
     }
     to.number(looks.texts.len());
-    for (path, real_path, source) in &looks.texts {
+    for (path, real_path, _) in &looks.texts {
         encode::write_path(path, to)?;
         encode::write_path(real_path, to)?;
-        to.number(*source);
     }
     to.number(looks.listings.len());
     for (pattern, found) in &looks.listings {
@@ -167,7 +172,7 @@ fn write_sources(graph: &Graph, to: &mut Writer) -> Option<()> {
 }
 
 /// The sources of now; `None` if anything else is found than was then.
-fn read_sources(from: &mut Reader<'_>) -> Option<(Vec<Source>, Looks)> {
+fn read_sources(from: &mut Reader<'_>) -> Option<Vec<Source>> {
     let mut sources = Vec::new();
     for _ in 0..from.count()? {
         let path = PathBuf::from(from.text()?);
@@ -181,24 +186,19 @@ fn read_sources(from: &mut Reader<'_>) -> Option<(Vec<Source>, Looks)> {
         };
         sources.push(Source { path, text: text.into() });
     }
-    let mut looks = Looks::default();
     for _ in 0..from.count()? {
-        let path = PathBuf::from(from.text()?);
-        let real_path = PathBuf::from(from.text()?);
-        if path.canonicalize().ok()? != real_path {
+        let real_path = PathBuf::from(from.text()?).canonicalize().ok()?;
+        if real_path.to_str()? != from.text()? {
             return None;
         }
-        looks.texts.push((path, real_path, from.number()?));
     }
     for _ in 0..from.count()? {
-        let pattern = from.text()?.to_owned();
-        let found = from.digest()?;
-        if pipeline::listing(&pattern)? != found {
+        let found = pipeline::listing(from.text()?)?;
+        if found != from.digest()? {
             return None;
         }
-        looks.listings.push((pattern, found));
     }
-    Some((sources, looks))
+    Some(sources)
 }
 
 /// Whether an instance still refers to the files that it did, and all of them are there.

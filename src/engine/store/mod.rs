@@ -311,7 +311,7 @@ impl Store {
         let witness = witness::subject(&object, ty);
         let is_known = |it: &Digest| self.recall(Note::Checked, it).as_deref() == Some(&digest.0);
         if !self.checks_again.load(Ordering::Relaxed) && witness.as_ref().is_some_and(is_known) {
-            return Ok(Bytes::Mapped(object.map));
+            return Ok(Bytes::Mapped(object.map.into()));
         }
         let bytes = object.check(&self.disk, self.access, ty)?;
         if let Some(subject) = witness
@@ -382,15 +382,6 @@ impl Store {
         self.disk.in_folder(folder, || {
             self.disk.write_whole(&path, bytes).map_err(StoreError::new("write", &path))
         })
-    }
-
-    /// A whole file below the folder of the store, if it can be read.
-    pub fn read_beside(&self, place: &Path) -> Option<Vec<u8>> {
-        let path = self.dir.join(place);
-        let file = self.disk.open(&path).ok()?;
-        let mut bytes = vec![0; self.disk.length(&file, &path).ok()?.try_into().ok()?];
-        self.disk.read_at(&file, &path, &mut bytes, 0).ok()?;
-        Some(bytes)
     }
 
     fn enter(&self) -> Result<Option<Pass>, StoreError> {
