@@ -85,7 +85,7 @@ by = "${n}"
 
 [nodes.sum]
 kind = "add"
-terms = ["@steps.quotient[n=2]", "@number", "@steps.remainder[n=3]"]
+terms = ["@steps[n=2].quotient", "@number", "@steps[n=3].remainder"]
 weights = [1, 2, 3]
 
 [nodes.later]
@@ -284,7 +284,7 @@ fn what_nodes_read_may_change_without_that() {
 fn another_question_gets_no_old_answer() {
     static FEWER: Library = Library {
         kinds: {
-            let (kinds, _) = TOY.kinds.split_last().expect("there are some");
+            let (_, kinds) = TOY.kinds.split_last().expect("there are some");
             kinds
         },
         types: TOY.types,

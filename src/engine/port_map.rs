@@ -46,6 +46,10 @@ impl<T> PortMap<T> {
         self.into_iter()
     }
 
+    pub fn keys(&self) -> impl Iterator<Item = &'static str> {
+        self.entries.iter().map(|it| it.0)
+    }
+
     pub fn values(&self) -> impl Iterator<Item = &T> + Clone {
         self.entries.iter().map(|it| &it.1)
     }

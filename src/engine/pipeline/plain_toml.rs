@@ -73,7 +73,9 @@ impl<'t> File<'t> {
                 Some(position) => position,
                 None => {
                     let key = Key { name: (*name).into(), place: key_place.clone() };
-                    let value = Value::new(Data::Table(Arc::default()), place.clone());
+                    // A table that only a longer name speaks of stands where it is named first.
+                    let value_place = if is_last { place } else { key_place };
+                    let value = Value::new(Data::Table(Arc::default()), value_place.clone());
                     if let Some(index) = index {
                         if index.is_empty() {
                             if keys[0].0 == "nodes" {
