@@ -81,11 +81,14 @@ pub fn write(
     settings: &Settings,
     store: &Store,
 ) -> Result<(), StoreError> {
+    if store.access() == Access::ReadOnly {
+        return Ok(());
+    }
     let Some(about) = about(path, library, settings) else { return Ok(()) };
     let mut writer = Writer::default();
     writer.digest(&about);
     let written = write_sources(graph, &mut writer).and_then(|()| encode::write(graph, &mut writer));
-    if written.is_none() || store.access() == Access::ReadOnly {
+    if written.is_none() {
         return Ok(());
     }
     let body = writer.finish();
