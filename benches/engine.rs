@@ -31,11 +31,13 @@ use sinew::engine::{
     artifact::{AnyArtifact, Artifact, ArtifactKind, ArtifactType, DecodeError, Decoder, Encoder},
     graph::Graph,
     library::Library,
+    memory,
     node::{Input, Node, NodeError, NodeIo, NodeKind, OptionalInputs, Output, Spec},
-    pipeline::{self, Settings},
+    pipeline::Settings,
     plan::{self, PipelineMemory, Status},
     record::{self, RECORD_VERSION, Recorder, RunStart},
     run::{self, RunOptions},
+    snapshot,
     store::{Access, Store},
     toy::Number,
     why::{self, PlanCauses, Tense},
@@ -47,6 +49,9 @@ const ROUNDS: usize = 7;
 const BLOCK_LEN: usize = 6_000_000;
 
 fn main() {
+    if std::env::var_os("SMALL_PAGES").is_none() {
+        memory::prefer_large_pages();
+    }
     let args: Vec<String> = std::env::args().skip(1).filter(|it| it != "--bench").collect();
     match args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["run", folder, jobs] => run_child(Path::new(folder), jobs.parse().expect("a number")),
@@ -227,13 +232,15 @@ fn print_samples(name: &str, mut samples: Vec<Sample>) {
     println!("{name:10} {result:>10} {best:>10.1?} {median:>10.1?} {wall:>12.1?} {peak:>6} MiB");
 }
 
-fn load(folder: &Path) -> Graph {
-    pipeline::load(&folder.join("pipeline.toml"), &BENCH, &Settings::default())
-        .unwrap_or_else(|e| panic!("{}", e.render(false)))
+/// As the program does it: the graph lives as long as the process.
+fn load(folder: &Path, store: &Store) -> &'static Graph {
+    let path = folder.join("pipeline.toml");
+    let graph = snapshot::load(&path, &BENCH, &Settings::default(), store);
+    Box::leak(Box::new(graph.unwrap_or_else(|e| panic!("{}", e.render(false)))))
 }
 
-fn open(folder: &Path) -> Store {
-    Store::open(&folder.join("cache"), Access::ReadWrite).expect("a writable folder")
+fn open(folder: &Path, access: Access) -> Store {
+    Store::open(&folder.join("cache"), access).expect("a writable folder")
 }
 
 /// Prints how many nodes ran.
@@ -242,7 +249,8 @@ fn run_child(folder: &Path, threads: usize) {
 }
 
 fn run_all(folder: &Path, threads: usize) -> usize {
-    let (graph, store) = (load(folder), open(folder));
+    let store = open(folder, Access::ReadWrite);
+    let graph = load(folder, &store);
     let options = RunOptions {
         threads,
         output_dir: folder.to_owned(),
@@ -262,7 +270,7 @@ fn run_all(folder: &Path, threads: usize) -> usize {
         sources: Vec::new(),
     };
     let mut recorder = Recorder::start(store.dir(), &start);
-    let report = run::run(&graph, &BENCH, &store, &options, &mut recorder);
+    let report = run::run(graph, &BENCH, &store, &options, &mut recorder);
     assert!(report.succeeded());
     recorder.done(&report);
     report.counts().ran
@@ -270,21 +278,23 @@ fn run_all(folder: &Path, threads: usize) -> usize {
 
 /// Prints how many instances would run, or perhaps would.
 fn plan_child(folder: &Path) {
-    let (graph, store) = (load(folder), open(folder));
-    let memory = PipelineMemory::new(&store, &graph);
-    let plan = plan::plan(&graph, &[], &BTreeSet::new(), &memory);
+    let store = open(folder, Access::ReadOnly);
+    let graph = load(folder, &store);
+    let memory = PipelineMemory::new(&store, graph);
+    let plan = plan::plan(graph, &[], &BTreeSet::new(), &memory);
     let is_to_do = |it: &&Status| matches!(it, Status::Run { .. } | Status::Follows { .. });
     print!("{}", plan.statuses.iter().filter(is_to_do).count());
 }
 
 /// Prints how many steps explain why a node would run.
 fn explain_child(folder: &Path, node: &str) {
-    let (graph, store) = (load(folder), open(folder));
+    let store = open(folder, Access::ReadOnly);
+    let graph = load(folder, &store);
     let index = graph.select(node)[0];
-    let memory = PipelineMemory::new(&store, &graph);
-    let plan = plan::plan(&graph, &[index], &BTreeSet::new(), &memory);
-    let causes = PlanCauses::new(&graph, &plan, &memory);
-    let roots = why::roots(&graph, index, &plan);
+    let memory = PipelineMemory::new(&store, graph);
+    let plan = plan::plan(graph, &[index], &BTreeSet::new(), &memory);
+    let causes = PlanCauses::new(graph, &plan, &memory);
+    let roots = why::roots(graph, index, &plan);
     let steps = roots.into_iter().filter_map(|root| match &plan.statuses[root.index()] {
         Status::Run { reason, .. } => {
             let why = causes.why(root, reason);
@@ -305,7 +315,7 @@ fn block_child(folder: &Path) {
     run_all(folder, 2);
     let ran = start.elapsed();
     let (artifact, _) = AnyArtifact::encode(block);
-    let store = open(folder);
+    let store = open(folder, Access::ReadWrite);
     let map = || {
         let start = Instant::now();
         let bytes = store.object(Block::TYPE, &artifact.digest()).expect("it is stored");

@@ -704,6 +704,6 @@ fn a_mistake_in_a_table_is_shown_in_its_row() {
         let problem = problems.list.iter().find(|it| it.message.starts_with(message));
         let place =
             problem.unwrap_or_else(|| panic!("{:#?}", problems.list)).place.clone().unwrap();
-        assert_eq!(&problems.sources[place.source].text[place.span], expected, "{rows:?}");
+        assert_eq!(&problems.sources[place.source()].text[place.span()], expected, "{rows:?}");
     }
 }

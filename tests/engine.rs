@@ -17,6 +17,7 @@ use sinew::engine::{
     plan::{self, PipelineMemory, Reason, Status},
     record::{Line, Record, Recorder, RunStart},
     run::{self, RunOptions},
+    snapshot,
     store::{Access, Store, gc},
     toy::TOY,
 };
@@ -600,10 +601,23 @@ proptest! {
             let store = bench.store();
             let targets: Vec<NodeIndex> =
                 target.iter().map(|it| NodeIndex::new(it.index(nodes.len()))).collect();
-            let plan = {
-                let memory = PipelineMemory::new(&store, &graph);
-                plan::plan(&graph, &targets, &BTreeSet::new(), &memory)
+            let plan = |graph: &Graph| {
+                let memory = PipelineMemory::new(&store, graph);
+                plan::plan(graph, &targets, &BTreeSet::new(), &memory)
             };
+            // What was kept of the file before this edit is not believed, and what is kept of this one
+            // is as good as reading it.
+            let (file, settings) = (bench.path("pipeline.toml"), Settings::default());
+            let find = || snapshot::find(&file, &TOY, &settings, store.disk(), store.dir());
+            if let Some(found) = find() {
+                prop_assert_eq!(&*found.sources[0].text, &*text);
+            }
+            snapshot::write(&graph, &file, &TOY, &settings, &store).unwrap();
+            let kept = find().expect("it was just written");
+            let (read, plan) = (plan(&graph), plan(&kept));
+            prop_assert_eq!(&read.statuses, &plan.statuses);
+            prop_assert_eq!(&read.keys, &plan.keys);
+            let graph = if value % 2 == 0 { kept } else { graph };
             let options = RunOptions { targets, ..bench.options(threads) };
             let report = run::run(&graph, &TOY, &store, &options, &mut Silent);
             prop_assert!(report.succeeded(), "{report:?}");

@@ -120,7 +120,7 @@ impl Observer for Diary {
                 format!("stop {now} {n_running} {n_done}/{n_wanted}")
             }
             Event::Finished { instance, outputs, .. } => {
-                for (port, info) in outputs.iter().flat_map(|it| &it.artifacts) {
+                for (port, info) in outputs.iter().flat_map(|it| it.artifacts.iter()) {
                     self.outputs.insert((id(*instance), port), info.digest);
                 }
                 format!("end {}", id(*instance))

@@ -27,7 +27,7 @@ fn lines(res: Result<(), Diagnostics>) -> Vec<String> {
     let line = |it: &pipeline::Diagnostic| {
         let place = it.place.as_ref().expect("every mistake in a file has a place");
         let (line, column) = diagnostics.line_and_column(place);
-        let file = match place.source {
+        let file = match place.source() {
             0 => String::new(),
             source => format!("{}:", diagnostics.sources[source].path.display()),
         };

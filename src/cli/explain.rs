@@ -42,13 +42,14 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
         let record = runs::find(&args.store.cache, run)?;
         return told::tell(&record, &args.node, &args.store, ui);
     }
-    let graph = args.pipeline.load()?;
+    // The process ends with this: to take thousands of instances apart would only cost time.
+    let graph = &*Box::leak(Box::new(args.pipeline.find_or_load(&args.store)?));
     let store = args.store.open_read_only()?;
-    let index = common::find(&graph, &args.node)?;
-    let memory = common::memory(&store, &graph);
-    let plan = plan::plan(&graph, &[index], &BTreeSet::new(), &memory);
+    let index = common::find(graph, &args.node)?;
+    let memory = common::memory(&store, graph);
+    let plan = plan::plan(graph, &[index], &BTreeSet::new(), &memory);
     let key = plan.keys[index.index()].as_deref();
-    let causes = PlanCauses::new(&graph, &plan, &memory);
+    let causes = PlanCauses::new(graph, &plan, &memory);
     if ui.json {
         print_json(index, &causes, key);
         return Ok(Exit::Success);

@@ -2,12 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use super::Failure;
+use super::{Failure, common::StoreArgs};
 use crate::{
     LIBRARY,
     engine::{
         graph::Graph,
+        memory,
         pipeline::{self, Settings},
+        snapshot,
+        store::{Store, disk::Disk},
     },
 };
 
@@ -40,6 +43,24 @@ impl PipelineArgs {
     /// With everything that is wrong with the pipeline.
     pub fn load(&self) -> Result<Graph, Failure> {
         self.settings.load(&self.file)
+    }
+
+    /// The graph that a cache has kept, or else the one that reading gives.
+    ///
+    /// # Errors
+    /// As [`PipelineArgs::load`].
+    pub fn find_or_load(&self, store: &StoreArgs) -> Result<Graph, Failure> {
+        memory::prefer_large_pages();
+        let settings = self.settings.to_settings();
+        match snapshot::find(&self.file, &LIBRARY, &settings, &Disk::default(), &store.cache) {
+            Some(graph) => Ok(graph),
+            None => self.load(),
+        }
+    }
+
+    /// Keeps a graph for [`PipelineArgs::find_or_load`].
+    pub fn keep(&self, graph: &Graph, store: &Store) {
+        snapshot::keep(graph, &self.file, &LIBRARY, &self.settings.to_settings(), store);
     }
 }
 

@@ -43,17 +43,14 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
-    let graph = args.pipeline.load()?;
+    // The process ends with this: to take thousands of instances apart would only cost time.
+    let graph = &*Box::leak(Box::new(args.pipeline.find_or_load(&args.store)?));
     let store = args.store.open_read_only()?;
-    let targets = common::select_all(&graph, &args.nodes)?;
-    let memory = common::memory(&store, &graph);
-    let plan = plan::plan(&graph, &targets, &BTreeSet::new(), &memory);
-    let teller = Teller {
-        graph: &graph,
-        plan: &plan,
-        memory: &memory,
-        causes: PlanCauses::new(&graph, &plan, &memory),
-    };
+    let targets = common::select_all(graph, &args.nodes)?;
+    let memory = common::memory(&store, graph);
+    let plan = plan::plan(graph, &targets, &BTreeSet::new(), &memory);
+    let causes = PlanCauses::new(graph, &plan, &memory);
+    let teller = Teller { graph, plan: &plan, memory: &memory, causes };
     if ui.json {
         teller.print_json();
     } else {

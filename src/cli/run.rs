@@ -74,7 +74,7 @@ pub struct Args {
 
 pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
     // The process ends with the run: to take thousands of instances apart would only cost time.
-    let graph = Box::leak(Box::new(args.pipeline.load()?));
+    let graph = Box::leak(Box::new(args.pipeline.find_or_load(&args.store)?));
     run_graph(graph, args, &stop_requests()?, ui)
 }
 
@@ -93,6 +93,7 @@ pub fn run_graph(
 ) -> Result<Exit, Failure> {
     let store =
         if args.read_only_cache { args.store.open_read_only()? } else { args.store.open()? };
+    args.pipeline.keep(graph, &store);
     let options = RunOptions {
         threads: args.jobs.unwrap_or_else(available_threads).max(1),
         memory: args.mem.unwrap_or_else(default_memory),

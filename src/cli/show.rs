@@ -51,7 +51,6 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
     let shown: Vec<&str> = outputs
         .artifacts
         .keys()
-        .copied()
         .filter(|it| port.is_none_or(|port| port == *it))
         .collect();
     if let Some(path) = &args.output {

@@ -1,6 +1,11 @@
 //! What flows along the wires: immutable typed values with one canonical encoding.
 
-use std::{any::Any, ops::Deref, sync::Arc};
+use std::{
+    any::Any,
+    borrow::Cow,
+    ops::Deref,
+    sync::{Arc, OnceLock},
+};
 
 use memmap2::Mmap;
 
@@ -10,7 +15,7 @@ pub use super::tensors::{DecodeError, Decoder, Dtype, Encoder};
 /// The stored form of an artifact.
 pub enum Bytes {
     /// A file, or memory that another process has written.
-    Mapped(Mmap),
+    Mapped(Arc<Mmap>),
     Owned(Vec<u8>),
 }
 
@@ -81,6 +86,19 @@ pub trait Artifact: Any + Send + Sync + Sized {
     /// If an array is missing, has a wrong shape, or holds what the type does not allow.
     fn decode(from: &Decoder<'_>) -> Result<Self, DecodeError>;
 
+    /// Checks a stored form as [`Artifact::decode`] does, but makes no value of it, and adds to `canonical`
+    /// what [`Artifact::encode`] would write of that. False if this cannot be told without the value: what
+    /// is large and turned around on its way into memory should be checked where it lies.
+    ///
+    /// # Errors
+    /// As [`Artifact::decode`].
+    fn check<'a>(
+        _from: &Decoder<'a>,
+        _canonical: &mut Encoder<'a>,
+    ) -> Result<bool, DecodeError> {
+        Ok(false)
+    }
+
     /// What a person wants to know first: (name, value) lines, shapes and ranges before contents.
     fn summary(&self) -> Vec<(String, String)>;
 
@@ -106,8 +124,17 @@ pub trait Artifact: Any + Send + Sync + Sized {
 pub struct AnyArtifact {
     kind: &'static ArtifactKind,
     digest: Digest,
-    value: Arc<dyn Any + Send + Sync>,
+    content: Arc<Content>,
 }
+
+/// A value, its stored form, or both.
+struct Content {
+    /// Made of the stored form when it is asked for first; `None` inside if that was in vain.
+    value: OnceLock<Option<Value>>,
+    stored: Option<Arc<Mmap>>,
+}
+
+type Value = Arc<dyn Any + Send + Sync>;
 
 impl AnyArtifact {
     /// Encodes a value: the artifact and the bytes to store.
@@ -120,7 +147,35 @@ impl AnyArtifact {
     fn with_bytes<T: Artifact>(value: T, bytes: Bytes) -> (Self, Bytes) {
         let kind = const { &ArtifactKind::of::<T>() };
         let digest = digest_of(T::TYPE, &bytes);
-        (Self { kind, digest, value: Arc::new(value) }, bytes)
+        (Self::of_value(kind, digest, Arc::new(value)), bytes)
+    }
+
+    fn of_value(kind: &'static ArtifactKind, digest: Digest, value: Value) -> Self {
+        let content = Content { value: OnceLock::from(Some(value)), stored: None };
+        Self { kind, digest, content: Arc::new(content) }
+    }
+
+    /// An artifact of a stored form that is known to be sound. Its value is made when somebody needs it:
+    /// programs that read artifacts as files never do.
+    pub fn of_stored(kind: &'static ArtifactKind, digest: Digest, stored: Arc<Mmap>) -> Self {
+        let content = Content { value: OnceLock::new(), stored: Some(stored) };
+        Self { kind, digest, content: Arc::new(content) }
+    }
+
+    fn value(&self) -> Option<&Value> {
+        let make = || {
+            let stored = self.content.stored.as_ref().expect("there is a value or a stored form");
+            let value = (self.kind.decode)(stored);
+            if let Err(error) = &value {
+                tracing::warn!(digest = %self.digest, %error, "a stored artifact has no valid content");
+            }
+            value.ok()
+        };
+        self.content.value.get_or_init(make).as_ref()
+    }
+
+    fn known_value(&self) -> &(dyn Any + Send + Sync) {
+        &**self.value().expect("what is stored under a digest was checked before")
     }
 
     pub fn ty(&self) -> ArtifactType {
@@ -133,12 +188,12 @@ impl AnyArtifact {
 
     /// The value, if it has this type.
     pub fn downcast<T: Artifact>(&self) -> Option<Arc<T>> {
-        Arc::clone(&self.value).downcast().ok()
+        Arc::clone(self.value()?).downcast().ok()
     }
 
     /// See [`Artifact::summary`].
     pub fn summary(&self) -> Vec<(String, String)> {
-        (self.kind.summary)(&*self.value)
+        (self.kind.summary)(self.known_value())
     }
 
     /// See [`Artifact::export`].
@@ -146,12 +201,20 @@ impl AnyArtifact {
     /// # Errors
     /// If the value cannot be written in this format.
     pub fn export(&self, extension: &str) -> Result<Vec<u8>, String> {
-        (self.kind.export)(&*self.value, extension)
+        (self.kind.export)(self.known_value(), extension)
+    }
+
+    /// The stored form, where it lies if it is there.
+    pub fn bytes(&self) -> Cow<'_, [u8]> {
+        match &self.content.stored {
+            Some(stored) => Cow::Borrowed(&stored[..]),
+            None => Cow::Owned((self.kind.encode)(self.known_value())),
+        }
     }
 
     /// The stored form.
     pub fn to_bytes(&self) -> Vec<u8> {
-        (self.kind.encode)(&*self.value)
+        self.bytes().into_owned()
     }
 }
 
@@ -172,7 +235,7 @@ pub struct ArtifactKind {
     /// Extensions of the files of other programs that can be read, beside `.safetensors`.
     pub imports: &'static [&'static str],
     encode: fn(&dyn Any) -> Vec<u8>,
-    decode: fn(&'static ArtifactKind, Digest, &[u8]) -> Result<AnyArtifact, DecodeError>,
+    decode: fn(&[u8]) -> Result<Value, DecodeError>,
     summary: fn(&dyn Any) -> Vec<(String, String)>,
     export: fn(&dyn Any, &str) -> Result<Vec<u8>, String>,
     import: fn(&str, Bytes) -> Result<(AnyArtifact, Bytes), String>,
@@ -185,20 +248,27 @@ impl ArtifactKind {
             formats: T::FORMATS,
             imports: T::IMPORTS,
             encode: |value| encoder(cast::<T>(value)).finish(),
-            decode: |kind, digest, bytes| {
+            decode: |bytes| {
                 let decoder = Decoder::new(bytes)?;
                 let found = decoder.text("sinew.type")?;
                 if found != T::TYPE.name {
                     let wanted = T::TYPE.name;
                     return Err(DecodeError(format!("it is `{found}` instead of `{wanted}`")));
                 }
-                Ok(AnyArtifact { kind, digest, value: Arc::new(T::decode(&decoder)?) })
+                Ok(Arc::new(T::decode(&decoder)?))
             },
             summary: |value| cast::<T>(value).summary(),
             export: |value, extension| cast::<T>(value).export(extension),
             import: |extension, bytes| {
                 if extension != "safetensors" {
                     return Ok(AnyArtifact::encode::<T>(T::import(extension, &bytes)?));
+                }
+                if let Bytes::Mapped(stored) = &bytes
+                    && is_canonical::<T>(stored).map_err(|e| e.to_string())?
+                {
+                    let kind = const { &ArtifactKind::of::<T>() };
+                    let digest = digest_of(T::TYPE, stored);
+                    return Ok((AnyArtifact::of_stored(kind, digest, Arc::clone(stored)), bytes));
                 }
                 let value = decode_foreign::<T>(&bytes).map_err(|e| e.to_string())?;
                 // Whoever wrote it as we do has saved us a copy.
@@ -219,7 +289,8 @@ impl ArtifactKind {
         bytes: &[u8],
         digest: Option<Digest>,
     ) -> Result<AnyArtifact, DecodeError> {
-        (self.decode)(self, digest.unwrap_or_else(|| digest_of(self.ty, bytes)), bytes)
+        let digest = digest.unwrap_or_else(|| digest_of(self.ty, bytes));
+        Ok(AnyArtifact::of_value(self, digest, (self.decode)(bytes)?))
     }
 
     /// Reads a file that another program wrote, by its extension: `.safetensors` for any type (its
@@ -237,19 +308,37 @@ impl ArtifactKind {
 fn encoder<T: Artifact>(value: &T) -> Encoder<'_> {
     let mut encoder = Encoder::default();
     value.encode(&mut encoder);
-    encoder.text("sinew.type", T::TYPE.name);
-    encoder.text("sinew.version", T::TYPE.version.to_string());
+    add_type::<T>(&mut encoder);
     encoder
 }
 
+fn add_type<T: Artifact>(to: &mut Encoder<'_>) {
+    to.text("sinew.type", T::TYPE.name);
+    to.text("sinew.version", T::TYPE.version.to_string());
+}
+
 fn decode_foreign<T: Artifact>(bytes: &[u8]) -> Result<T, DecodeError> {
+    T::decode(&foreign::<T>(bytes)?)
+}
+
+fn foreign<T: Artifact>(bytes: &[u8]) -> Result<Decoder<'_>, DecodeError> {
     let decoder = Decoder::foreign(bytes)?;
     match decoder.text("sinew.type") {
         Ok(found) if found != T::TYPE.name => {
             Err(DecodeError(format!("it is `{found}` instead of `{}`", T::TYPE.name)))
         }
-        _ => T::decode(&decoder),
+        _ => Ok(decoder),
     }
+}
+
+/// Whether a file is known to have the bytes that its value would be stored with. It is sound then.
+fn is_canonical<T: Artifact>(bytes: &[u8]) -> Result<bool, DecodeError> {
+    let mut canonical = Encoder::default();
+    if !T::check(&foreign::<T>(bytes)?, &mut canonical)? {
+        return Ok(false);
+    }
+    add_type::<T>(&mut canonical);
+    Ok(canonical.is(bytes))
 }
 
 fn cast<T: Artifact>(value: &dyn Any) -> &T {

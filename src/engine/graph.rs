@@ -1,6 +1,7 @@
 //! The instance graph: a pipeline after expansion and checking, ready to be planned.
 
 use std::{
+    borrow::Cow,
     collections::BTreeMap,
     ops::Range,
     path::{Path, PathBuf},
@@ -10,8 +11,10 @@ use std::{
 use petgraph::graph::{DiGraph, NodeIndex};
 
 use super::{
+    digest::Digest,
     labels::{InputLabels, Labels},
-    node::{AnyNode, NodeKind},
+    node::{CheckedNode, NodeKind},
+    port_map::PortMap,
     settings::NodeSettings,
 };
 
@@ -26,10 +29,21 @@ pub struct Graph {
     pub outputs: Vec<OutputRule>,
     /// Every pipeline file that was read; the first is the one that was asked for.
     pub sources: Vec<Source>,
+    /// What was looked at to read it; `None` if it was not read but kept.
+    pub looks: Option<Looks>,
+}
+
+/// All of the disk that a pipeline was read from, beside the files of its nodes.
+#[derive(Debug, Clone, Default)]
+pub struct Looks {
+    /// A path that was followed, where it led, and which source was read there.
+    pub texts: Vec<(PathBuf, PathBuf, usize)>,
+    /// A pattern of files, and a digest of what it found.
+    pub listings: Vec<(String, Digest)>,
 }
 
 /// By port: where its artifacts come from, in order.
-pub type Inputs = BTreeMap<&'static str, Vec<PortRef>>;
+pub type Inputs = PortMap<Vec<PortRef>>;
 
 /// A node at one point of its axes.
 pub struct Instance {
@@ -37,7 +51,7 @@ pub struct Instance {
     pub name: Arc<str>,
     pub labels: Labels,
     pub kind: &'static NodeKind,
-    pub node: Arc<dyn AnyNode>,
+    pub node: Arc<CheckedNode>,
     pub inputs: Inputs,
     pub input_labels: InputLabels,
     /// Inputs at labelled ports that failed are told to the node instead of stopping it.
@@ -76,11 +90,54 @@ pub struct Source {
 }
 
 /// A range of bytes in one of the graph's sources.
+///
+/// In small numbers, as every value of a pipeline has one; nothing behind the fourth gigabyte of a file
+/// is told apart.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Place {
+    source: u32,
+    start: u32,
+    end: u32,
+}
+
+impl Place {
+    pub fn new(source: usize, span: Range<usize>) -> Self {
+        let small = |it: usize| u32::try_from(it).unwrap_or(u32::MAX);
+        Self { source: small(source), start: small(span.start), end: small(span.end) }
+    }
+
     /// Index into [`Graph::sources`].
-    pub source: usize,
-    pub span: Range<usize>,
+    pub fn source(&self) -> usize {
+        self.source as usize
+    }
+
+    pub fn start(&self) -> usize {
+        self.start as usize
+    }
+
+    pub fn span(&self) -> Range<usize> {
+        self.start as usize..self.end as usize
+    }
+}
+
+/// The graph of instances whose inputs are known; they keep their order.
+pub fn connect(instances: Vec<Instance>) -> DiGraph<Instance, ()> {
+    let n_edges = instances.iter().flat_map(|it| it.inputs.values()).map(Vec::len).sum();
+    let mut graph = DiGraph::with_capacity(instances.len(), n_edges);
+    let mut edges = Vec::with_capacity(n_edges);
+    for (index, instance) in instances.into_iter().enumerate() {
+        let start = edges.len();
+        edges.extend(
+            instance.inputs.values().flatten().map(|it| (it.instance, NodeIndex::new(index))),
+        );
+        edges[start..].sort_unstable();
+        graph.add_node(instance);
+    }
+    edges.dedup();
+    for (from, to) in edges {
+        graph.add_edge(from, to, ());
+    }
+    graph
 }
 
 impl Graph {
@@ -97,11 +154,11 @@ impl Graph {
 
     /// `file:line` of a place.
     pub fn show_place(&self, place: &Place) -> String {
-        let source = &self.sources[place.source];
+        let source = &self.sources[place.source()];
         if source.is_setting() {
             return format!("{} {}", source.path.display(), source.text);
         }
-        let line = source.text[..place.span.start].matches('\n').count() + 1;
+        let line = source.text[..place.start()].matches('\n').count() + 1;
         format!("{}:{line}", source.path.display())
     }
 }
@@ -116,11 +173,16 @@ impl Source {
 impl Instance {
     /// The name with the labels of its axes: `score@wolf,40`.
     pub fn id(&self) -> String {
+        self.shown_id().into_owned()
+    }
+
+    /// The same, without a copy for what has no axes.
+    pub fn shown_id(&self) -> Cow<'_, str> {
         if self.labels.is_empty() {
-            return self.name.to_string();
+            return Cow::Borrowed(&self.name);
         }
         let items: Vec<&str> = self.labels.iter().map(|it| &*it.1).collect();
-        format!("{}@{}", self.name, items.join(","))
+        Cow::Owned(format!("{}@{}", self.name, items.join(",")))
     }
 
     /// Whether it is at these items: all labels in order, or some of them, also as `axis=label`.

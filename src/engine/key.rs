@@ -8,7 +8,7 @@ use std::{collections::BTreeMap, sync::LazyLock};
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::Value;
 
-use super::{digest::Digest, facts::Facts, node::AnyNode};
+use super::{digest::Digest, facts::Facts, node::Spec};
 
 /// Raise it when the meaning of any field of [`Key`] changes.
 pub const KEY_FORMAT: u32 = 1;
@@ -40,35 +40,26 @@ pub struct Key {
     pub missing: BTreeMap<String, Vec<(usize, String)>>,
 }
 
-/// What a key is made from, with the fields of [`Key`] in their order. Ten thousand keys are written for
-/// one that is read, so nothing is copied on the way to its text.
-#[derive(Debug, Serialize)]
+/// What a key is made from. Ten thousand keys are written for one that is read, so nothing is copied on
+/// the way to its text.
+#[derive(Debug)]
 pub struct KeyParts<'a> {
-    format: u32,
-    kind: &'a str,
-    version: u32,
-    numerics: &'a str,
-    params: Sorted,
+    spec: &'a Spec,
+    /// See [`params_text`].
+    params: &'a str,
     pub files: BTreeMap<String, Digest>,
-    #[serde(skip_serializing_if = "Facts::is_empty")]
     pub facts: Facts,
     pub inputs: BTreeMap<&'a str, Vec<Option<Digest>>>,
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub items: BTreeMap<&'a str, Vec<Vec<String>>>,
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub missing: BTreeMap<&'a str, Vec<(usize, String)>>,
 }
 
-impl KeyParts<'_> {
-    /// The parts of a node without inputs, files and facts.
-    pub fn new(node: &dyn AnyNode) -> Self {
-        let spec = node.spec();
+impl<'a> KeyParts<'a> {
+    /// The parts of a node without inputs, files and facts, from the [`params_text`] of its parameters.
+    pub fn new(spec: &'a Spec, params: &'a str) -> Self {
         Self {
-            format: KEY_FORMAT,
-            kind: spec.kind,
-            version: spec.version,
-            numerics: &NUMERICS,
-            params: Sorted(node.canonical_params()),
+            spec,
+            params,
             files: BTreeMap::new(),
             facts: Facts::new(),
             inputs: BTreeMap::new(),
@@ -77,12 +68,47 @@ impl KeyParts<'_> {
         }
     }
 
-    /// The canonical text.
+    /// The canonical text: the fields of [`Key`] in their order, without those that are empty and were
+    /// added later.
     pub fn text(&self) -> String {
-        let mut text = Vec::with_capacity(1 << 10);
-        serde_json::to_writer(&mut text, self).expect("keys are plain data");
+        let mut text = Vec::with_capacity(self.params.len() + (1 << 9));
+        let fixed = [&KEY_FORMAT, &self.spec.version];
+        let [format, version] = fixed.map(|it| it.to_string());
+        push_raw(&mut text, "{\"format\":", &format);
+        push(&mut text, ",\"kind\":", self.spec.kind);
+        push_raw(&mut text, ",\"version\":", &version);
+        push(&mut text, ",\"numerics\":", NUMERICS.as_str());
+        push_raw(&mut text, ",\"params\":", self.params);
+        push(&mut text, ",\"files\":", &self.files);
+        if !self.facts.is_empty() {
+            push(&mut text, ",\"facts\":", &self.facts);
+        }
+        push(&mut text, ",\"inputs\":", &self.inputs);
+        if !self.items.is_empty() {
+            push(&mut text, ",\"items\":", &self.items);
+        }
+        if !self.missing.is_empty() {
+            push(&mut text, ",\"missing\":", &self.missing);
+        }
+        text.push(b'}');
         String::from_utf8(text).expect("JSON is text")
     }
+}
+
+fn push_raw(text: &mut Vec<u8>, name: &str, json: &str) {
+    text.extend_from_slice(name.as_bytes());
+    text.extend_from_slice(json.as_bytes());
+}
+
+fn push(text: &mut Vec<u8>, name: &str, value: impl Serialize) {
+    text.extend_from_slice(name.as_bytes());
+    serde_json::to_writer(text, &value).expect("keys are plain data");
+}
+
+/// The part of a key that parameters are: all of them, names sorted, so that moving a field in a struct
+/// changes no key.
+pub fn params_text(params: &Value) -> String {
+    serde_json::to_string(&Sorted(params)).expect("parameters are plain data")
 }
 
 impl Key {
@@ -201,27 +227,18 @@ fn gained_and_lost(old: &str, new: &str) -> String {
     if changes.is_empty() { "its items in another order".to_owned() } else { changes.join(", ") }
 }
 
-/// Written with the names of all objects sorted, so that moving a field in a struct changes no key.
-#[derive(Debug)]
-struct Sorted(Value);
+/// Written with the names of all objects sorted.
+struct Sorted<'a>(&'a Value);
 
-impl Serialize for Sorted {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        SortedRef(&self.0).serialize(serializer)
-    }
-}
-
-struct SortedRef<'a>(&'a Value);
-
-impl Serialize for SortedRef<'_> {
+impl Serialize for Sorted<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self.0 {
             Value::Object(fields) => {
                 let mut fields: Vec<(&String, &Value)> = fields.iter().collect();
                 fields.sort_unstable_by_key(|it| it.0);
-                serializer.collect_map(fields.into_iter().map(|it| (it.0, SortedRef(it.1))))
+                serializer.collect_map(fields.into_iter().map(|it| (it.0, Sorted(it.1))))
             }
-            Value::Array(items) => serializer.collect_seq(items.iter().map(SortedRef)),
+            Value::Array(items) => serializer.collect_seq(items.iter().map(Sorted)),
             other => other.serialize(serializer),
         }
     }

@@ -32,7 +32,7 @@ pub fn export(
 ) -> Result<Vec<u8>, String> {
     match common_formats.iter().find(|it| it.format.extension == extension) {
         Some(common) => {
-            let bytes = artifact.to_bytes();
+            let bytes = artifact.bytes();
             let decoder = Decoder::new(&bytes).map_err(|e| e.to_string())?;
             (common.write)(&bytes, &decoder).map_err(|e| e.to_string())
         }

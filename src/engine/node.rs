@@ -4,8 +4,9 @@ use std::{
     borrow::Cow,
     collections::BTreeMap,
     marker::PhantomData,
+    ops::Deref,
     path::{Path, PathBuf},
-    sync::Arc,
+    sync::{Arc, OnceLock},
 };
 
 use schemars::JsonSchema;
@@ -17,7 +18,9 @@ pub use super::labels::Labels;
 use super::{
     artifact::{AnyArtifact, Artifact, ArtifactType, Bytes},
     digest::Digest,
+    key::params_text,
     labels::InputLabels,
+    shared_text::SharedText,
 };
 
 /// How many wires a port takes.
@@ -609,6 +612,63 @@ impl<N: Node> AnyNode for N {
     }
 }
 
+/// A node whose parameters were checked: the node itself, or what it is made from when somebody needs it.
+pub struct CheckedNode {
+    kind: &'static NodeKind,
+    node: OnceLock<Box<dyn AnyNode>>,
+    /// Its parameters as JSON, if it was not made at once.
+    params: Option<SharedText>,
+    /// Made when it is asked for first: a node may be shared by all items of an axis.
+    key_params: OnceLock<SharedText>,
+    /// It has no question.
+    asks_nothing: bool,
+}
+
+impl CheckedNode {
+    pub fn new(kind: &'static NodeKind, node: Box<dyn AnyNode>) -> Self {
+        let node = OnceLock::from(node);
+        Self { kind, node, params: None, key_params: OnceLock::new(), asks_nothing: false }
+    }
+
+    /// A node that was checked before, from what it said of itself then.
+    pub fn of_params(
+        kind: &'static NodeKind,
+        params: SharedText,
+        key_params: SharedText,
+        asks: bool,
+    ) -> Self {
+        let (node, key_params) = (OnceLock::new(), OnceLock::from(key_params));
+        Self { kind, node, params: Some(params), key_params, asks_nothing: !asks }
+    }
+
+    pub fn kind(&self) -> &'static NodeKind {
+        self.kind
+    }
+
+    /// Its parameters as they are written in keys.
+    pub fn key_params(&self) -> &str {
+        self.key_params.get_or_init(|| params_text(&self.canonical_params()).into())
+    }
+
+    /// As [`Node::question`].
+    pub fn question(&self) -> Option<Question> {
+        if self.asks_nothing { None } else { self.deref().question() }
+    }
+}
+
+impl Deref for CheckedNode {
+    type Target = dyn AnyNode;
+
+    fn deref(&self) -> &Self::Target {
+        let make = || {
+            let params = self.params.as_deref().expect("it has a node or parameters");
+            let params = serde_json::from_str(params).expect("it was written as JSON");
+            (self.kind.parse)(params).expect("these parameters were checked")
+        };
+        self.node.get_or_init(make).as_ref()
+    }
+}
+
 /// One line of the registry of kinds.
 pub struct NodeKind {
     pub spec: Spec,
@@ -622,6 +682,8 @@ pub struct NodeKind {
     pub open: bool,
     /// Whether the list inputs of an open kind are labelled.
     pub labels_lists: bool,
+    /// It was made of an open kind: its ports are declared, and it takes artifacts as files.
+    pub declared: bool,
 }
 
 impl NodeKind {
@@ -633,6 +695,7 @@ impl NodeKind {
             handles_limits: N::HANDLES_LIMITS,
             open: false,
             labels_lists: false,
+            declared: false,
         }
     }
 

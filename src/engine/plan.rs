@@ -17,6 +17,7 @@ use super::{
     key::{Difference, Key, KeyParts},
     labels::Labels,
     node::Arity,
+    port_map::PortMap,
     store::{Entry, EntryOutputs, Note, Store},
 };
 
@@ -102,7 +103,7 @@ impl Memory for PipelineMemory<'_> {
 /// What is known of an instance's outputs before (or without) having their values.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Outputs {
-    pub artifacts: BTreeMap<&'static str, OutputInfo>,
+    pub artifacts: PortMap<OutputInfo>,
     /// Optional outputs that were left out, and why.
     pub absent: BTreeMap<&'static str, String>,
 }
@@ -182,7 +183,7 @@ pub fn key_of<'a>(
     producer: impl Fn(NodeIndex) -> Producer<'a>,
     memory: &dyn Memory,
 ) -> Result<String, KeyError> {
-    let mut key = KeyParts::new(instance.node.as_ref());
+    let mut key = KeyParts::new(&instance.kind.spec, instance.node.key_params());
     for port in instance.kind.spec.inputs {
         let Some(sources) = instance.inputs.get(port.name) else { continue };
         let mut digests = Vec::with_capacity(sources.len());
@@ -333,14 +334,13 @@ pub struct Plan {
 }
 
 /// The instances that the wanted ones depend on, themselves included; all if none is named.
-pub fn wanted(graph: &Graph, targets: &[NodeIndex]) -> BTreeSet<NodeIndex> {
-    if targets.is_empty() {
-        return graph.instances.node_indices().collect();
-    }
-    let mut res = BTreeSet::new();
+///
+/// By instance.
+pub fn wanted(graph: &Graph, targets: &[NodeIndex]) -> Vec<bool> {
+    let mut res = vec![targets.is_empty(); graph.instances.node_count()];
     let mut open = targets.to_vec();
     while let Some(instance) = open.pop() {
-        if res.insert(instance) {
+        if !std::mem::replace(&mut res[instance.index()], true) {
             open.extend(graph.instances.neighbors_directed(instance, Direction::Incoming));
         }
     }
@@ -360,7 +360,7 @@ pub fn plan(
     let mut statuses = vec![Status::NotWanted; n];
     let mut keys: Vec<Option<String>> = vec![None; n];
     let mut outputs: Vec<Option<Outputs>> = vec![None; n];
-    for &index in order.iter().filter(|it| wanted.contains(it)) {
+    for &index in order.iter().filter(|it| wanted[it.index()]) {
         let instance = &graph.instances[index];
         let mut producers = instance.inputs.values().flatten().map(|it| it.instance);
         if let Some(after) = producers.find(|it| outputs[it.index()].is_none()) {

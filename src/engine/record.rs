@@ -12,7 +12,7 @@ use std::{
 };
 
 use petgraph::graph::NodeIndex;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 use super::{
     clock,
@@ -248,6 +248,33 @@ impl Liner {
         }
     }
 
+    /// The line of an instance that was stored, as [`Liner::line`] makes it, but written at once: a
+    /// pipeline of ten thousand has ten thousand of them in every record.
+    fn write_stored(
+        &self,
+        to: &mut Vec<u8>,
+        graph: &Graph,
+        instance: NodeIndex,
+        status: &str,
+        key: Option<Digest>,
+        outputs: Option<&Outputs>,
+    ) {
+        let instance = &graph.instances[instance];
+        let line = StoredLine {
+            event: "node_done",
+            t: self.t(),
+            node: &instance.shown_id(),
+            kind: instance.kind.spec.kind,
+            status,
+            key,
+            wall_s: None,
+            message: None,
+            out: StoredOutputs(outputs),
+        };
+        serde_json::to_writer(&mut *to, &line).expect("lines are plain data");
+        to.push(b'\n');
+    }
+
     pub fn done(&self, report: &RunReport) -> Line {
         let counts = report.counts();
         Line::RunDone {
@@ -262,6 +289,30 @@ impl Liner {
     }
 }
 
+/// A [`Line::NodeDone`] of what was stored, with borrowed parts.
+#[derive(Serialize)]
+struct StoredLine<'a> {
+    event: &'static str,
+    t: f64,
+    node: &'a str,
+    kind: &'static str,
+    status: &'a str,
+    key: Option<Digest>,
+    wall_s: Option<f64>,
+    message: Option<&'a str>,
+    out: StoredOutputs<'a>,
+}
+
+/// The digests of outputs, by port.
+struct StoredOutputs<'a>(Option<&'a Outputs>);
+
+impl Serialize for StoredOutputs<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let artifacts = self.0.into_iter().flat_map(|it| &it.artifacts);
+        serializer.collect_map(artifacts.map(|(port, info)| (port, info.digest)))
+    }
+}
+
 fn told(failure: &Failure) -> String {
     let bug = if matches!(failure, Failure::Panic(_)) { "panic: " } else { "" };
     format!("{bug}{}", failure.message())
@@ -271,6 +322,8 @@ fn told(failure: &Failure) -> String {
 pub struct Recorder {
     liner: Liner,
     file: Option<BufWriter<File>>,
+    /// The line that is being written.
+    line: Vec<u8>,
 }
 
 impl Recorder {
@@ -284,7 +337,7 @@ impl Recorder {
         // Tells readers that the run is going on; it dies with the process.
         let file = file.ok().inspect(|it| drop(it.try_lock()));
         let file = file.map(|it| BufWriter::with_capacity(1 << 16, it));
-        let mut res = Self { liner: Liner::new(Instant::now()), file };
+        let mut res = Self { liner: Liner::new(Instant::now()), file, line: Vec::new() };
         res.write(&Line::RunStart(start.clone()), true);
         res
     }
@@ -296,10 +349,16 @@ impl Recorder {
     }
 
     fn write(&mut self, line: &Line, flush: bool) {
-        let Some(file) = &mut self.file else { return };
-        let mut text = serde_json::to_vec(line).expect("lines are plain data");
-        text.push(b'\n');
-        let result = file.write_all(&text).and_then(|()| if flush { file.flush() } else { Ok(()) });
+        serde_json::to_writer(&mut self.line, line).expect("lines are plain data");
+        self.line.push(b'\n');
+        self.write_line(flush);
+    }
+
+    fn write_line(&mut self, flush: bool) {
+        let Some(file) = &mut self.file else { return self.line.clear() };
+        let written = file.write_all(&self.line);
+        self.line.clear();
+        let result = written.and_then(|()| if flush { file.flush() } else { Ok(()) });
         if let Err(error) = result {
             tracing::warn!(%error, "the rest of the run is not recorded");
             self.file = None;
@@ -309,8 +368,14 @@ impl Recorder {
 
 impl Observer for Recorder {
     fn event(&mut self, graph: &Graph, event: &Event<'_>) {
-        if matches!(event, Event::Progress { .. }) {
-            return;
+        match *event {
+            Event::Progress { .. } => return,
+            Event::Finished { instance, outcome: Outcome::Cached, key, outputs } => {
+                let line = &mut self.line;
+                self.liner.write_stored(line, graph, instance, "cached", key, outputs);
+                return self.write_line(false);
+            }
+            _ => {}
         }
         // What is cached would be cached again; what ran must not be lost with the process.
         let flush = matches!(
@@ -492,6 +557,39 @@ fn next_name(time: &str, salt: &str, newest: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::{
+        pipeline::{self, Settings},
+        plan::OutputInfo,
+        toy::TOY,
+    };
+
+    #[test]
+    fn what_was_stored_is_written_as_any_other_line() {
+        let text = "[axes.n]\nvalues = [1, 2]\n[nodes.\"a\"]\nkind = \"number\"\nvalue = \"${n}\"\n\
+                    [nodes.parts]\nkind = \"divide\"\nnumber = \"@a\"\nby = 2\n";
+        let settings = Settings::default();
+        let graph = pipeline::load_text(text, PathBuf::new(), &TOY, &settings).ok().unwrap();
+        let liner = Liner::new(Instant::now());
+        let without_time = |text: &[u8]| {
+            let text = std::str::from_utf8(text).unwrap();
+            let (start, rest) = text.split_once("\"t\":").unwrap();
+            format!("{start}{}", rest.split_once(',').unwrap().1)
+        };
+        for instance in graph.instances.node_indices() {
+            let ports = graph.instances[instance].kind.spec.outputs;
+            let info = |it: &str| OutputInfo { digest: Digest::of(it.as_bytes()), bytes: 1 };
+            let artifacts = ports.iter().map(|it| (it.name, info(it.name))).collect();
+            let outputs = Outputs { artifacts, ..Outputs::default() };
+            for outputs in [None, Some(&outputs)] {
+                let key = outputs.map(|_| Digest::of(b"key"));
+                let mut written = Vec::new();
+                liner.write_stored(&mut written, &graph, instance, "cached", key, outputs);
+                let event = Event::Finished { instance, outcome: &Outcome::Cached, key, outputs };
+                let line = serde_json::to_vec(&liner.line(&graph, &event)).unwrap();
+                assert_eq!(without_time(&written), without_time(&line) + "\n");
+            }
+        }
+    }
 
     #[test]
     fn names_of_runs_grow_whatever_the_clock_does() {

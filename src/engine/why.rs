@@ -376,7 +376,7 @@ pub struct Places {
 impl Places {
     /// `file:line` of a place; `--set k=60` for what the command line says.
     pub fn show(&self, graph: &Graph, place: &Place) -> String {
-        let source = &graph.sources[place.source];
+        let source = &graph.sources[place.source()];
         if source.is_setting() {
             return graph.show_place(place);
         }
@@ -384,7 +384,7 @@ impl Places {
             let starts = |text: &str| text.match_indices('\n').map(|it| it.0 + 1).collect();
             graph.sources.iter().map(|it| starts(&it.text)).collect()
         });
-        let line = starts[place.source].partition_point(|it| *it <= place.span.start) + 1;
+        let line = starts[place.source()].partition_point(|it| *it <= place.start()) + 1;
         format!("{}:{line}", source.path.display())
     }
 }

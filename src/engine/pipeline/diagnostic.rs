@@ -72,7 +72,7 @@ pub struct Diagnostics {
 impl Diagnostics {
     /// Sorts; says the same thing about the same place once (an inner pipeline is used twice).
     pub fn new(mut list: Problems, sources: Vec<Source>) -> Self {
-        let position = |it: &Diagnostic| it.place.as_ref().map(|it| (it.source, it.span.start));
+        let position = |it: &Diagnostic| it.place.as_ref().map(|it| (it.source(), it.start()));
         list.sort_by(|a, b| position(a).cmp(&position(b)).then_with(|| a.message.cmp(&b.message)));
         list.dedup_by(|a, b| a.place == b.place && a.message == b.message);
         Self { list, sources }
@@ -96,7 +96,7 @@ impl Diagnostics {
 
     /// Line and column of a place, both counted from 1, the column in characters.
     pub fn line_and_column(&self, place: &Place) -> (usize, usize) {
-        let before = &self.sources[place.source].text[..place.span.start];
+        let before = &self.sources[place.source()].text[..place.start()];
         let line_start = before.rfind('\n').map_or(0, |it| it + 1);
         (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
     }
@@ -130,9 +130,9 @@ impl Diagnostics {
         for ((kind, place), label) in labelled.chain(related) {
             let label = Some(label).filter(|it| !it.is_empty());
             let annotation = kind.span(self.visible_span(place)).label(label);
-            match res.iter_mut().find(|it| it.0 == place.source) {
+            match res.iter_mut().find(|it| it.0 == place.source()) {
                 Some((_, annotations)) => annotations.push(annotation),
-                None => res.push((place.source, vec![annotation])),
+                None => res.push((place.source(), vec![annotation])),
             }
         }
         res
@@ -140,8 +140,8 @@ impl Diagnostics {
 
     /// A span of several lines is shown by its first one.
     fn visible_span(&self, place: &Place) -> Range<usize> {
-        let span = place.span.clone();
-        let line_end = self.sources[place.source].text[span.clone()].find('\n');
+        let span = place.span();
+        let line_end = self.sources[place.source()].text[span.clone()].find('\n');
         span.start..line_end.map_or(span.end, |it| span.start + it)
     }
 
@@ -173,7 +173,7 @@ impl Diagnostics {
 
     fn place_to_json(&self, place: &Place, to: &mut serde_json::Value) {
         let (line, column) = self.line_and_column(place);
-        to["file"] = self.sources[place.source].path.display().to_string().into();
+        to["file"] = self.sources[place.source()].path.display().to_string().into();
         to["line"] = line.into();
         to["column"] = column.into();
     }

@@ -84,7 +84,7 @@ pub enum Target {
 impl Expansion {
     /// Expands a file; `document` is the first of `sources`.
     pub fn new(
-        document: Document,
+        mut document: Document,
         library: &Library,
         sources: &mut Sources,
         choices: &mut [Choice],
@@ -99,8 +99,10 @@ impl Expansion {
             open: vec![0],
             res: Self { drafts: Vec::new(), scopes: Vec::new(), axes: Vec::new() },
         };
+        let fields = document.nodes.iter_mut().map(|it| std::mem::take(&mut it.fields)).collect();
         let document = Rc::new(document);
-        expander.expand(Use { document, prefix: "", parent: None, given: Given::default() });
+        let given = Given::default();
+        expander.expand(Use { document, fields, prefix: "", parent: None, given });
         let Expander { res, choices, problems, .. } = expander;
         axes::report_unknown_axes(choices, &res.axes, problems);
         res
@@ -110,6 +112,8 @@ impl Expansion {
 /// One use of a file.
 struct Use<'a> {
     document: Rc<Document>,
+    /// Of its nodes, which need not have them any more.
+    fields: Vec<Vec<Entry>>,
     /// `outer/`, or nothing.
     prefix: &'a str,
     parent: Option<usize>,
@@ -139,7 +143,7 @@ struct Expander<'a> {
 impl Expander<'_> {
     /// Adds the scope of a file and all nodes in it.
     fn expand(&mut self, use_: Use<'_>) -> usize {
-        let Use { document, prefix, parent, given } = use_;
+        let Use { document, fields, prefix, parent, given } = use_;
         let names = self.names(&document, given.params);
         let inputs = document.inputs.iter().map(|it| (Arc::clone(&it.name.name), Target::Input));
         let scope = self.res.scopes.len();
@@ -151,8 +155,9 @@ impl Expander<'_> {
             given: given.wires,
             settings: given.settings,
         });
-        for node in &document.nodes {
-            let target = self.expand_node(node, scope, prefix);
+        self.res.scopes[scope].targets.reserve(document.nodes.len());
+        for (node, fields) in document.nodes.iter().zip(fields) {
+            let target = self.expand_node(node, fields, scope, prefix);
             let name = Arc::clone(&node.name.name);
             let shared = self.res.scopes[scope].targets.insert(name.clone(), target);
             if shared.is_some() {
@@ -184,8 +189,14 @@ impl Expander<'_> {
         names
     }
 
-    fn expand_node(&mut self, node: &NodeTable, scope: usize, prefix: &str) -> Target {
-        let mut fields = self.filled_in(&node.fields, scope);
+    fn expand_node(
+        &mut self,
+        node: &NodeTable,
+        mut fields: Vec<Entry>,
+        scope: usize,
+        prefix: &str,
+    ) -> Target {
+        self.fill_in(&mut fields, scope);
         let outer = &self.res.scopes[scope].settings;
         let settings = settings::take(&mut fields, outer, self.problems);
         match node.kind.as_text() {
@@ -198,18 +209,17 @@ impl Expander<'_> {
         }
     }
 
-    /// The fields of a node with every `${}` replaced that names no axis.
-    fn filled_in(&mut self, fields: &[Entry], scope: usize) -> Vec<Entry> {
+    /// Replaces every `${}` in the fields of a node that names no axis.
+    fn fill_in(&mut self, fields: &mut [Entry], scope: usize) {
         let names = &self.res.scopes[scope].names;
-        let mut res = Vec::with_capacity(fields.len());
-        for Entry { key, value } in fields {
-            let mut value = substitute::substitute(value, names, self.problems);
-            if !check_axis_fields(&value, &self.res.axes, self.problems) {
-                value = value.broken();
+        for value in fields.iter_mut().map(|it| &mut it.value) {
+            if substitute::has_names(value) {
+                *value = substitute::substitute(value, names, self.problems);
+                if !check_axis_fields(value, &self.res.axes, self.problems) {
+                    *value = value.broken();
+                }
             }
-            res.push(Entry { key: key.clone(), value });
         }
-        res
     }
 
     fn add_draft(
@@ -224,7 +234,10 @@ impl Expander<'_> {
         let (kind, mut fields) = open_ports::declared(kind, fields, self.library, self.problems);
         let gather = gather::take(&mut fields, kind, self.problems);
         self.res.drafts.push(Draft {
-            name: format!("{prefix}{}", node.name.name).into(),
+            name: match prefix {
+                "" => Arc::clone(&node.name.name),
+                _ => format!("{prefix}{}", node.name.name).into(),
+            },
             kind,
             scope,
             place: node.name.place.clone(),
@@ -264,7 +277,9 @@ impl Expander<'_> {
         let given = Given { settings, ..self.give(name, fields, &document) };
         self.open.push(source);
         let prefix = format!("{prefix}{}/", name.name);
-        let inner = self.expand(Use { document, prefix: &prefix, parent: Some(scope), given });
+        let fields = document.nodes.iter().map(|it| it.fields.clone()).collect();
+        let inner =
+            self.expand(Use { document, fields, prefix: &prefix, parent: Some(scope), given });
         self.open.pop();
         Target::Pipeline(inner)
     }

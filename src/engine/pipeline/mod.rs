@@ -3,7 +3,8 @@
 //! Every step goes on after a mistake, and the next ones keep quiet about what is already known to
 //! be broken, so that one reading tells every mistake once:
 //!
-//! 1. [`sources`] reads files, [`parse`] cuts them into sections, [`value`] keeps places;
+//! 1. [`sources`] reads files, [`parse`] cuts them into sections ([`plain_toml`] does most
+//!    of it), [`value`] keeps places;
 //! 2. [`overrides`] applies a profile and `--set` to the file that was asked for;
 //! 3. [`expand`] turns inner pipelines into nodes, fills in `${}` ([`substitute`]) and takes out how
 //!    each node is run ([`settings`]); the ports that a node of an open kind declares become those of
@@ -24,6 +25,7 @@ mod open_ports;
 mod outputs;
 mod overrides;
 mod parse;
+mod plain_toml;
 mod repeat;
 mod settings;
 mod sources;
@@ -34,6 +36,7 @@ mod wires;
 use std::path::{Path, PathBuf};
 
 pub use diagnostic::{Diagnostic, Diagnostics, Severity};
+pub use axes::listing;
 pub use nearest::{nearest, suggest};
 pub use open_ports::with_ports;
 
@@ -117,7 +120,9 @@ fn load_first(
         check::check(&expansion, library, &sources, &mut problems)
     });
     match graph {
-        Some(graph) if problems.is_empty() => Ok(Graph { sources: sources.list, ..graph }),
+        Some(graph) if problems.is_empty() => {
+            Ok(Graph { sources: sources.list, looks: Some(sources.looks), ..graph })
+        }
         _ => Err(Diagnostics::new(problems, sources.list)),
     }
 }

@@ -246,5 +246,5 @@ fn new_kind(ports: &Ports, open: &NodeKind) -> NodeKind {
         outputs: Vec::leak(outputs.collect()),
         ..open.spec
     };
-    NodeKind { spec, open: false, ..*open }
+    NodeKind { spec, open: false, declared: true, ..*open }
 }

@@ -54,7 +54,7 @@ fn apply_profile(
 ) {
     let Some(profile) = document.profiles.iter().find(|it| *it.name.name == *name) else {
         let source = sources.add("--profile".into(), name, PathBuf::new());
-        let place = Place { source, span: 0..name.len() };
+        let place = Place::new(source, 0..name.len());
         let names = document.profiles.iter().map(|it| &*it.name.name);
         let hint = suggest(name, names).or_else(|| Some("the file has no profiles".to_owned()));
         let message = format!("there is no profile `{name}`");
@@ -79,16 +79,16 @@ struct Set<'a> {
 
 fn read_set<'a>(text: &'a str, source: usize, problems: &mut Problems) -> Option<Set<'a>> {
     let Some((path, value)) = text.split_once('=').filter(|it| !it.0.trim().is_empty()) else {
-        let place = Place { source, span: 0..text.len() };
+        let place = Place::new(source, 0..text.len());
         problems.push(
             Diagnostic::error(&place, "a setting is written as `name=value`")
                 .hint("for example `--set k=60` or `--set eigs.k=60`".to_owned()),
         );
         return None;
     };
-    let place = Place { source, span: 0..path.trim_end().len() };
+    let place = Place::new(source, 0..path.trim_end().len());
     let value = read_value(path, value, source, problems).unwrap_or_else(|| {
-        let place = Place { source, span: path.len() + 1..text.len() };
+        let place = Place::new(source, path.len() + 1..text.len());
         Value::new(Data::Text(value.into()), place)
     });
     let mut path: Vec<&str> = path.trim().split('.').collect();

@@ -7,6 +7,7 @@ use toml::de::DeTable;
 use super::{
     diagnostic::{Diagnostic, Problems},
     nearest::{nearest, suggest},
+    plain_toml,
     value::{self, Data, Entry, Key, Value},
 };
 use crate::engine::graph::{Place, Source};
@@ -64,13 +65,19 @@ const SECTIONS: [&str; 7] =
 ///
 /// A file with mistakes of syntax gives `None`: what the parser makes of the rest is guesswork.
 pub fn parse(source: usize, file: &Source, problems: &mut Problems) -> Option<Document> {
-    let (table, errors) = DeTable::parse_recoverable(&file.text);
-    if !errors.is_empty() {
-        report_syntax(&errors, source, file, problems);
-        return None;
-    }
+    let entries = match plain_toml::read(&file.text, source) {
+        Some(entries) => entries,
+        None => {
+            let (table, errors) = DeTable::parse_recoverable(&file.text);
+            if !errors.is_empty() {
+                report_syntax(&errors, source, file, problems);
+                return None;
+            }
+            value::entries(table.into_inner(), source, problems)
+        }
+    };
     let mut res = Document::default();
-    for Entry { key, value } in value::entries(table.into_inner(), source, problems) {
+    for Entry { key, value } in entries {
         match &*key.name {
             "pipeline" => read_heading(value, &mut res, problems),
             "inputs" => res.inputs = read_inputs(value, problems),
@@ -87,7 +94,7 @@ pub fn parse(source: usize, file: &Source, problems: &mut Problems) -> Option<Do
     }
     report_shared_names(&res, problems);
     if res.nodes.is_empty() && problems.is_empty() {
-        let start = Place { source, span: 0..0 };
+        let start = Place::new(source, 0..0);
         problems.push(
             Diagnostic::error(&start, "the pipeline has no nodes")
                 .hint("a node is a table `[nodes.NAME]` with a `kind`".to_owned()),
@@ -116,7 +123,7 @@ fn report_syntax(
         in_double_table = is_double && (is_table || in_double_table);
         if !is_known && lines.insert(line.as_ptr()) {
             let (message, hint) = syntax_message(error.message(), &file.text, &span);
-            let place = Place { source, span };
+            let place = Place::new(source, span);
             problems.push(Diagnostic::error(&place, message).hint(hint));
         }
         if error.message().contains("array") {

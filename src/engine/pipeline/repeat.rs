@@ -13,7 +13,7 @@ use super::{
     value::{AxisId, Key},
     wires::{Selection, WireEnd},
 };
-use crate::engine::labels::Labels;
+use crate::engine::labels::{Labels, no_labels};
 
 /// The position along one axis of the instance that a wire leads to.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,6 +70,9 @@ impl Repeat {
     }
 
     pub fn labels(&self, axes: &[Axis], point: &Point) -> Labels {
+        if point.is_empty() {
+            return no_labels();
+        }
         let label = |&(axis, at): &(AxisId, usize)| {
             let axis = &axes[axis.0];
             (axis.name.clone(), axis.items[at].label.clone())

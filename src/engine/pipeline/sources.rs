@@ -6,7 +6,7 @@ use std::{
     sync::Arc,
 };
 
-use crate::engine::graph::Source;
+use crate::engine::graph::{Looks, Source};
 
 /// Texts of pipelines and of `--set`, and the folders in which their relative paths start.
 #[derive(Default)]
@@ -14,6 +14,7 @@ pub struct Sources {
     pub list: Vec<Source>,
     folders: Vec<PathBuf>,
     by_real_path: HashMap<PathBuf, usize>,
+    pub looks: Looks,
 }
 
 impl Sources {
@@ -28,11 +29,15 @@ impl Sources {
         };
         let real_path = path.canonicalize().map_err(fail)?;
         if let Some(&source) = self.by_real_path.get(&real_path) {
+            if !self.looks.texts.iter().any(|it| it.0 == *path) {
+                self.looks.texts.push((path.to_owned(), real_path, source));
+            }
             return Ok(source);
         }
         let text = std::fs::read_to_string(path).map_err(fail)?;
         let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-        self.by_real_path.insert(real_path, self.list.len());
+        self.by_real_path.insert(real_path.clone(), self.list.len());
+        self.looks.texts.push((path.to_owned(), real_path, self.list.len()));
         Ok(self.add(path.to_owned(), &text, folder))
     }
 

@@ -78,7 +78,7 @@ pub fn resolve_params(declared: &[Entry], given: Names, problems: &mut Problems)
         declared.iter().map(|it| (&*it.key.name, &it.value)).collect();
     let mut resolver = Resolver { declared, resolved: given, open: Vec::new(), problems };
     let mut names: Vec<&str> = resolver.declared.keys().copied().collect();
-    names.sort_by_key(|it| resolver.declared[it].place.span.start);
+    names.sort_by_key(|it| resolver.declared[it].place.start());
     for name in names {
         resolver.resolve(name);
     }
@@ -231,7 +231,8 @@ fn not_text(name: &str, param: &Value, value: &Value, problems: &mut Problems) -
     value.broken()
 }
 
-fn has_names(value: &Value) -> bool {
+/// Whether there is anything to replace in a value.
+pub fn has_names(value: &Value) -> bool {
     match &value.data {
         Data::Text(text) => text.contains("${"),
         Data::List(items) => items.iter().any(has_names),
@@ -288,7 +289,7 @@ mod tests {
     use crate::engine::graph::Place;
 
     fn at(data: Data, source: usize) -> Value {
-        Value::new(data, Place { source, span: 0..1 })
+        Value::new(data, Place::new(source, 0..1))
     }
 
     fn text(text: &str) -> Value {
@@ -373,10 +374,10 @@ mod tests {
 
     fn resolve(declared: &[(&str, &str)]) -> (Params, Vec<String>) {
         let entry = |(index, (name, value)): (usize, &(&str, &str))| Entry {
-            key: Key { name: (*name).into(), place: Place { source: 0, span: index..index + 1 } },
+            key: Key { name: (*name).into(), place: Place::new(0, index..index + 1) },
             value: Value::new(
                 Data::Text((*value).into()),
-                Place { source: 0, span: index..index + 1 },
+                Place::new(0, index..index + 1),
             ),
         };
         let declared: Vec<Entry> = declared.iter().enumerate().map(entry).collect();

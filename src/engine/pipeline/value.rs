@@ -74,7 +74,7 @@ pub struct Key {
 
 impl Value {
     pub fn new(data: Data, place: Place) -> Self {
-        let base = place.source;
+        let base = place.source();
         Self { data, place, origin: None, base }
     }
 
@@ -168,19 +168,19 @@ pub fn entries(table: DeTable<'_>, source: usize, problems: &mut Problems) -> Ve
         .into_iter()
         .map(|(key, value)| Entry {
             key: Key {
-                place: Place { source, span: key.span() },
+                place: Place::new(source, key.span()),
                 name: key.into_inner().as_ref().into(),
             },
             value: read(value, source, problems),
         })
         .collect();
-    res.sort_by_key(|it| it.key.place.span.start);
+    res.sort_by_key(|it| it.key.place.start());
     res
 }
 
 /// One parsed value. Reports numbers that no parameter takes.
 pub fn read(value: Spanned<DeValue<'_>>, source: usize, problems: &mut Problems) -> Value {
-    let place = Place { source, span: value.span() };
+    let place = Place::new(source, value.span());
     let data = match value.into_inner() {
         DeValue::String(text) => Ok(Data::Text(text.as_ref().into())),
         DeValue::Integer(digits) => i64::from_str_radix(digits.as_str(), digits.radix())

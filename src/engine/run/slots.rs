@@ -1,7 +1,7 @@
 //! What the coordinator knows of every instance.
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::BTreeMap,
     sync::Arc,
     time::{Duration, Instant},
 };
@@ -166,12 +166,12 @@ impl Neighbours {
 }
 
 impl Slots {
-    pub fn new(graph: &Graph, wanted: &BTreeSet<NodeIndex>) -> Self {
+    pub fn new(graph: &Graph, wanted: &[bool]) -> Self {
         let n = graph.instances.node_count();
         let (mut producers, mut sources) = (Neighbours::default(), Vec::new());
         for index in graph.instances.node_indices() {
             sources.clear();
-            if wanted.contains(&index) {
+            if wanted[index.index()] {
                 let inputs = graph.instances[index].inputs.values().flatten();
                 sources.extend(inputs.map(|it| it.instance));
                 sources.sort_unstable();
@@ -188,7 +188,7 @@ impl Slots {
         for index in graph.instances.node_indices() {
             let readers = res.consumers.of(index).len() + exports[index.index()];
             let mut slot = Slot::new(res.producers.of(index).len(), readers);
-            if !wanted.contains(&index) {
+            if !wanted[index.index()] {
                 slot.outcome = Some(Outcome::NotWanted);
             }
             res.slots.push(slot);
@@ -196,10 +196,12 @@ impl Slots {
         res
     }
 
+    /// Those that an instance reads, for loops that change slots meanwhile.
     pub fn producers(&self, of: NodeIndex) -> Vec<NodeIndex> {
         self.producers.of(of).to_vec()
     }
 
+    /// Those that read an instance.
     pub fn consumers(&self, of: NodeIndex) -> Vec<NodeIndex> {
         self.consumers.of(of).to_vec()
     }

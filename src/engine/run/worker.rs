@@ -18,7 +18,7 @@ use super::{
     message::Message,
 };
 use crate::engine::{
-    artifact::{AnyArtifact, ArtifactType},
+    artifact::{AnyArtifact, ArtifactType, Bytes},
     cancel::CancelToken,
     digest::Digest,
     events::{ExportOutcome, Failure},
@@ -136,7 +136,7 @@ fn run_node(
     for (port, values) in inputs {
         let mut list = Vec::with_capacity(values.len());
         for value in values {
-            match value.map(|it| load(context, it, &mut loaded)) {
+            match value.map(|it| load(context, it, instance.kind.declared, &mut loaded)) {
                 Ok(Ok(artifact)) => list.push(Ok(artifact)),
                 Ok(Err(lost)) => return (loaded, lost),
                 Err(missing) => list.push(Err(missing)),
@@ -183,7 +183,7 @@ fn run_here(
 
 fn run_export(context: &Context<'_>, value: Value, path: &std::path::Path) -> (Loaded, JobResult) {
     let mut loaded = Vec::new();
-    let artifact = match load(context, value, &mut loaded) {
+    let artifact = match load(context, value, false, &mut loaded) {
         Ok(artifact) => artifact,
         Err(lost) => return (loaded, lost),
     };
@@ -196,10 +196,12 @@ fn run_export(context: &Context<'_>, value: Value, path: &std::path::Path) -> (L
     (loaded, JobResult::Exported(outcome))
 }
 
-/// The artifact of a value, read from the store if need be.
+/// The artifact of a value, read from the store if need be. One that has a file is left there if it is
+/// only taken `as_file`.
 fn load(
     context: &Context<'_>,
     value: Value,
+    as_file: bool,
     loaded: &mut Loaded,
 ) -> Result<AnyArtifact, JobResult> {
     let (from, ty, digest) = match value {
@@ -212,6 +214,13 @@ fn load(
     let bytes =
         context.store.object(ty, &digest).map_err(|error| JobResult::Lost { from, error })?;
     let kind = context.library.artifact_kind(ty.name).expect("a checked pipeline has known types");
+    if let Bytes::Mapped(stored) = &bytes
+        && as_file
+    {
+        let artifact = AnyArtifact::of_stored(kind, digest, Arc::clone(stored));
+        loaded.push((from, artifact.clone()));
+        return Ok(artifact);
+    }
     match kind.decode(&bytes, Some(digest)) {
         Ok(artifact) => {
             loaded.push((from, artifact.clone()));

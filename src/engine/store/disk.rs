@@ -140,6 +140,14 @@ impl Disk {
         }
     }
 
+    /// All bytes of a file.
+    pub fn read_whole(&self, path: &Path) -> io::Result<Vec<u8>> {
+        let file = self.open(path)?;
+        let mut bytes = vec![0; self.length(&file, path)? as usize];
+        self.read_at(&file, path, &mut bytes, 0)?;
+        Ok(bytes)
+    }
+
     /// Maps a file.
     ///
     /// # Safety

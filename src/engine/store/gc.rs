@@ -26,6 +26,7 @@ use crate::engine::{
     key::Key,
     library::Library,
     record::{self, Line, Record},
+    snapshot,
 };
 
 /// Why housekeeping did not happen.
@@ -186,6 +187,8 @@ pub fn collect(dir: &Path, options: &GcOptions) -> Result<GcReport, GcError> {
             | RecordKind::Facts => !options.all,
             // One is left behind at every start of the machine; they are soon made again.
             RecordKind::Checked => false,
+            // It tells of records some of which may be gone.
+            RecordKind::LastKeys => false,
         })?;
         remove_leftovers(dir)?;
     }
@@ -279,6 +282,7 @@ fn remove_records(dir: &Path, mut damaged: DamagedRecords) -> Result<(), GcError
         | RecordKind::Exported
         | RecordKind::Facts
         | RecordKind::Checked => true,
+        RecordKind::LastKeys => false,
     })?;
     Ok(())
 }
@@ -399,6 +403,10 @@ fn remove_leftovers(dir: &Path) -> Result<(), StoreError> {
         if name.starts_with(disk::TEMPORARY) || name.ends_with(".damaged") {
             remove(&path)?;
         }
+    }
+    // Of pipelines that may never be run again; of all others they are soon made again.
+    for path in fs::read_dir(dir.join(snapshot::FOLDER)).into_iter().flatten().flatten() {
+        remove(&path.path())?;
     }
     Ok(())
 }

@@ -31,10 +31,11 @@ pub enum RecordKind {
     Facts = 6,
     /// State of an object's file -> digest of the object that it was found to be.
     Checked = 7,
+    LastKeys = 8,
 }
 
 impl RecordKind {
-    const ALL: [Self; 7] = [
+    const ALL: [Self; 8] = [
         Self::Entry,
         Self::Object,
         Self::FileDigest,
@@ -42,6 +43,7 @@ impl RecordKind {
         Self::Exported,
         Self::Facts,
         Self::Checked,
+        Self::LastKeys,
     ];
 }
 
@@ -53,6 +55,9 @@ const MAGIC: &[u8; 8] = b"SINEWLG1";
 /// The generation orders records of one kind and digest, in whichever segments they are: a record
 /// that replaces another has a larger one. No clock has a say in it.
 const HEADER: usize = 56;
+
+/// A record has about so many bytes: an index with room for as many need not grow while it is filled.
+const USUAL_RECORD: usize = 300;
 
 const MAX_GENERATION: u32 = (1 << 24) - 1;
 
@@ -172,6 +177,7 @@ impl Log {
             }
             segment.end = MAGIC.len() as u64;
         }
+        self.index.reserve(map.len().saturating_sub(segment.end as usize) / USUAL_RECORD);
         loop {
             let Some(header) = read_header(&map, segment.end) else {
                 let Some(next) = next_record(&map, segment.end) else { break };

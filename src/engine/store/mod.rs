@@ -8,6 +8,7 @@
 //!   log/*.log        append-only segments: entries, small objects, digests of files …
 //!   objects/ab/…     one file an object that is too large for the log
 //!   runs/*.jsonl     run records
+//!   graphs/*.graph   pipelines that were read before
 //!   uses/*           what running runs rely on
 //!   pins/*           what `gc` must keep
 //! ```
@@ -18,6 +19,7 @@
 
 mod claims;
 pub mod disk;
+mod entry_outputs;
 mod gate;
 pub mod gc;
 mod log;
@@ -27,7 +29,6 @@ mod uses;
 mod witness;
 
 use std::{
-    borrow::Cow,
     collections::HashSet,
     io,
     path::{Path, PathBuf},
@@ -43,6 +44,7 @@ use serde::{Deserialize, Serialize};
 pub use claims::Claim;
 use claims::Claims;
 use disk::Disk;
+pub use entry_outputs::{EntryOutputs, OutputView};
 use gate::{Gate, Pass};
 use log::{Log, RecordKind};
 pub use objects::ObjectError;
@@ -96,26 +98,6 @@ pub struct EntryOutput {
     pub port: String,
     #[serde(rename = "type")]
     pub ty: String,
-    pub digest: Digest,
-    pub bytes: u64,
-}
-
-/// What an entry says of its artifacts, read where it lies.
-#[derive(Debug, Deserialize)]
-pub struct EntryOutputs<'a> {
-    #[serde(borrow)]
-    pub outputs: Vec<OutputView<'a>>,
-    #[serde(default)]
-    pub absent: Vec<(String, String)>,
-}
-
-/// An [`EntryOutput`] where it lies.
-#[derive(Debug, Deserialize)]
-pub struct OutputView<'a> {
-    #[serde(borrow)]
-    pub port: Cow<'a, str>,
-    #[serde(borrow, rename = "type")]
-    pub ty: Cow<'a, str>,
     pub digest: Digest,
     pub bytes: u64,
 }
@@ -266,10 +248,7 @@ impl Store {
         key: &Digest,
         look: impl FnOnce(&EntryOutputs<'_>) -> Option<T>,
     ) -> Option<T> {
-        self.log().view(RecordKind::Entry, key, |payload| {
-            let line = payload.split(|&it| it == b'\n').next()?;
-            look(&serde_json::from_slice(line).ok()?)
-        })?
+        self.log().view(RecordKind::Entry, key, |payload| look(&EntryOutputs::read(payload)?))?
     }
 
     /// Sees what other processes have written since; costs little if nobody has.
@@ -332,7 +311,7 @@ impl Store {
         let witness = witness::subject(&object, ty);
         let is_known = |it: &Digest| self.recall(Note::Checked, it).as_deref() == Some(&digest.0);
         if !self.checks_again.load(Ordering::Relaxed) && witness.as_ref().is_some_and(is_known) {
-            return Ok(Bytes::Mapped(object.map));
+            return Ok(Bytes::Mapped(object.map.into()));
         }
         let bytes = object.check(&self.disk, self.access, ty)?;
         if let Some(subject) = witness
@@ -392,6 +371,19 @@ impl Store {
         self.log().append(&records)
     }
 
+    /// Writes a whole file below the folder of the store, beside what it keeps itself.
+    ///
+    /// # Errors
+    /// If the disk refuses.
+    pub fn write_beside(&self, place: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+        let path = self.dir.join(place);
+        let folder = path.parent().expect("a file lies in a folder");
+        let _pass = self.enter()?;
+        self.disk.in_folder(folder, || {
+            self.disk.write_whole(&path, bytes).map_err(StoreError::new("write", &path))
+        })
+    }
+
     fn enter(&self) -> Result<Option<Pass>, StoreError> {
         self.gate.as_ref().map(Gate::enter).transpose()
     }
@@ -431,6 +423,8 @@ pub enum Note {
     FileDigest,
     /// About (pipeline, instance): the key that it had last.
     LastKey,
+    /// About a pipeline: a digest of all keys that its instances had last.
+    LastKeys,
     /// About a path in the user's folder: what was written there.
     Exported,
     /// About a question to the machine: the answer, and what it was read from.
@@ -444,6 +438,7 @@ impl Note {
         match self {
             Self::FileDigest => RecordKind::FileDigest,
             Self::LastKey => RecordKind::LastKey,
+            Self::LastKeys => RecordKind::LastKeys,
             Self::Exported => RecordKind::Exported,
             Self::Facts => RecordKind::Facts,
             Self::Checked => RecordKind::Checked,

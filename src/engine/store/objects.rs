@@ -67,7 +67,7 @@ impl Unchecked {
     ) -> Result<Bytes, ObjectError> {
         let Self { path, map, digest, .. } = self;
         if digest_of(ty, &map) == digest {
-            return Ok(Bytes::Mapped(map));
+            return Ok(Bytes::Mapped(map.into()));
         }
         // Out of the way, so that the next writer finds its place free; kept, so that it can be studied.
         if access == Access::ReadWrite {

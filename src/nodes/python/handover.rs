@@ -68,7 +68,7 @@ fn file_of(io: &NodeIo<'_>, artifact: &AnyArtifact) -> io::Result<File> {
         return Ok(file);
     }
     let mut file = memory(c"sinew input")?;
-    file.write_all(&artifact.to_bytes())?;
+    file.write_all(&artifact.bytes())?;
     Ok(file)
 }
 
@@ -115,7 +115,8 @@ fn content(mut file: File) -> io::Result<Bytes> {
     if seal(&file) {
         // A private map: older kernels refuse a shared one of sealed memory.
         // SAFETY: sealed memory keeps its bytes and its length.
-        return Ok(Bytes::Mapped(unsafe { MmapOptions::new().map_copy_read_only(&file) }?));
+        let map = unsafe { MmapOptions::new().map_copy_read_only(&file) }?;
+        return Ok(Bytes::Mapped(map.into()));
     }
     // A script that maps files by itself may hold this one, too.
     let mut bytes = Vec::new();

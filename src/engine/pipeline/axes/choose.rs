@@ -38,7 +38,7 @@ pub fn read_choices(
     for (flag, texts) in [("--only", only), ("--limit", limit)] {
         for text in texts {
             let source = sources.add(flag.into(), text, std::path::PathBuf::new());
-            let place = Place { source, span: 0..text.len() };
+            let place = Place::new(source, 0..text.len());
             let read = text.split_once('=').map(|(axis, rest)| (axis.trim(), rest));
             let keep = read.and_then(|(_, rest)| match flag {
                 "--only" => {

@@ -309,7 +309,7 @@ mod tests {
 
     /// `yes`, `no`, or the message, for the item `stem = "cat-03"`, `index = 3`.
     fn check(condition: &str, expected: &str) {
-        let value = |data| Value::new(data, Place { source: 0, span: 0..0 });
+        let value = |data| Value::new(data, Place::new(0, 0..0));
         let (stem, index) = (value(Data::Text("cat-03".into())), value(Data::Integer(3)));
         let field = |name: &str| match name {
             "source.stem" | "stem" => Some(stem.clone()),

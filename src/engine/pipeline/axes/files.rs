@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::list::{List, Reading};
+use crate::engine::digest::Digest;
 use crate::engine::pipeline::{
     diagnostic::Diagnostic,
     value::{Data, Value},
@@ -56,29 +57,20 @@ fn matching(pattern: &Value, reading: &mut Reading<'_>) -> Option<Vec<(PathBuf, 
         true => PathBuf::from(text),
         false => Path::new(&glob::Pattern::escape(&folder.to_string_lossy())).join(text),
     };
-    let options = glob::MatchOptions { require_literal_leading_dot: true, ..Default::default() };
-    let found = match glob::glob_with(&whole.to_string_lossy(), options) {
-        Ok(found) => found,
-        Err(error) => {
-            fail(format!("`{text}` is not a pattern of files: {}", error.msg), reading);
+    let whole = whole.to_string_lossy().into_owned();
+    let files = match list_files(&whole) {
+        Ok(files) => files,
+        Err(ListError::Pattern(message)) => {
+            fail(format!("`{text}` is not a pattern of files: {message}"), reading);
+            return None;
+        }
+        Err(error @ ListError::Unreadable { .. }) => {
+            fail(error.to_string(), reading);
             return None;
         }
     };
-    let mut files = Vec::new();
-    for path in found {
-        match path {
-            Ok(path) if path.is_file() => files.push(path),
-            Ok(_) => {}
-            Err(error) => {
-                fail(
-                    format!("cannot read `{}`: {}", error.path().display(), error.error()),
-                    reading,
-                );
-                return None;
-            }
-        }
-    }
-    files.sort();
+    let digest = digest_of_list(&files);
+    reading.sources.looks.listings.push((whole, digest));
     if files.is_empty() {
         fail(format!("no file matches `{}`", folder.join(text).display()), reading);
         return None;
@@ -89,6 +81,48 @@ fn matching(pattern: &Value, reading: &mut Reading<'_>) -> Option<Vec<(PathBuf, 
         Value { data, ..pattern.clone() }
     };
     Some(files.iter().map(|it| (it.clone(), written(it))).collect())
+}
+
+/// Why files cannot be listed.
+#[derive(Debug, thiserror::Error)]
+pub enum ListError {
+    #[error("not a pattern of files: {0}")]
+    Pattern(&'static str),
+    #[error("cannot read `{}`: {error}", path.display())]
+    Unreadable { path: PathBuf, error: String },
+}
+
+/// The files that match a pattern, sorted.
+fn list_files(pattern: &str) -> Result<Vec<PathBuf>, ListError> {
+    let options = glob::MatchOptions { require_literal_leading_dot: true, ..Default::default() };
+    let found = glob::glob_with(pattern, options).map_err(|e| ListError::Pattern(e.msg))?;
+    let mut files = Vec::new();
+    for path in found {
+        match path {
+            Ok(path) if path.is_file() => files.push(path),
+            Ok(_) => {}
+            Err(error) => {
+                let path = error.path().to_owned();
+                return Err(ListError::Unreadable { path, error: error.error().to_string() });
+            }
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// Tells one list of files from another.
+fn digest_of_list(files: &[PathBuf]) -> Digest {
+    let mut hasher = blake3::Hasher::new();
+    for path in files {
+        hasher.update(path.as_os_str().as_encoded_bytes()).update(&[0]);
+    }
+    Digest(*hasher.finalize().as_bytes())
+}
+
+/// A digest of the files that match a pattern now; `None` if they cannot be listed.
+pub fn listing(pattern: &str) -> Option<Digest> {
+    list_files(pattern).ok().map(|it| digest_of_list(&it))
 }
 
 /// Stems where they tell the files apart; otherwise paths below the folder that all share, without

@@ -19,6 +19,7 @@ use std::sync::Arc;
 
 pub use self::{
     choose::{Choice, read_choices, report_unknown_axes},
+    files::listing,
     fill::{Point, fill},
     list::Reading,
     pairs::Side,

@@ -66,7 +66,7 @@ fn read_separated(
         // The reader takes empty lines, and the `\n` of a `\r\n`, for the start of the next row.
         let start = text.len() - rest.trim_start_matches(['\r', '\n']).len();
         let end = text[start..].find(['\r', '\n']).map_or(text.len(), |it| start + it);
-        Place { source, span: start..end }
+        Place::new(source, start..end)
     };
     let mut fail = |at: Option<&csv::Position>, message: String| {
         let problem = Diagnostic::error(&place(at), message);
@@ -104,7 +104,7 @@ fn read_separated(
         let place = place(row.position());
         // The reader takes all that follows an open quote for one cell.
         let end = reader.position().byte() as usize + offset;
-        if text[place.span.start..end].matches('"').count() % 2 == 1 {
+        if text[place.start()..end].matches('"').count() % 2 == 1 {
             fail(row.position(), "a quote is not closed in this row".to_owned());
             return None;
         }
@@ -134,7 +134,7 @@ fn read_toml(source: usize, path: &Path, value: &Value, reading: &mut Reading<'_
     let table = match DeTable::parse(&text) {
         Ok(table) => table,
         Err(error) => {
-            let place = Place { source, span: error.span().unwrap_or(0..0) };
+            let place = Place::new(source, error.span().unwrap_or(0..0));
             reading.problems.push(Diagnostic::error(&place, error.message().to_owned()));
             return None;
         }

@@ -10,7 +10,7 @@ use std::{
     sync::Arc,
 };
 
-use petgraph::graph::{DiGraph, NodeIndex};
+use petgraph::graph::NodeIndex;
 
 use super::{
     axes::{self, Axis, Point},
@@ -24,15 +24,16 @@ use super::{
     wires::WireEnd,
 };
 use crate::engine::{
-    graph::{Graph, Inputs, Instance, Place, PortRef},
+    graph::{self, Graph, Inputs, Instance, Place, PortRef},
     labels::InputLabels,
     library::Library,
-    node::AnyNode,
+    node::CheckedNode,
     params::Fields,
+    port_map::PortMap,
 };
 
 /// By port: the wires of a draft.
-pub type Wires = BTreeMap<&'static str, Vec<WireEnd>>;
+pub type Wires = PortMap<Vec<WireEnd>>;
 
 /// More instances than any machine plans: two axes that were not meant to be multiplied.
 const MOST_INSTANCES: usize = 2_000_000;
@@ -58,7 +59,7 @@ pub fn check(
         checker.check_constant_drafts();
         return None;
     };
-    let mut instances = Vec::new();
+    let mut instances = Vec::with_capacity(repeats.iter().map(|it| it.repeat.count).sum());
     let mut sound = true;
     for (draft, (wires, repeat)) in expansion.drafts.iter().zip(wires.iter().zip(&repeats)) {
         sound &= checker.check_draft(draft, wires, repeat, &repeats, &mut instances);
@@ -79,29 +80,11 @@ pub fn check(
     Some(Graph {
         title: document.title.clone(),
         cites: unique_cites,
-        instances: connect(instances),
+        instances: graph::connect(instances),
         outputs,
         sources: Vec::new(),
+        looks: None,
     })
-}
-
-/// The graph of instances whose inputs are known; they keep their order.
-fn connect(instances: Vec<Instance>) -> DiGraph<Instance, ()> {
-    let mut graph = DiGraph::with_capacity(instances.len(), instances.len() * 2);
-    let mut edges = Vec::new();
-    for (index, instance) in instances.into_iter().enumerate() {
-        let start = edges.len();
-        edges.extend(
-            instance.inputs.values().flatten().map(|it| (it.instance, NodeIndex::new(index))),
-        );
-        edges[start..].sort_unstable();
-        graph.add_node(instance);
-    }
-    edges.dedup();
-    for (from, to) in edges {
-        graph.add_edge(from, to, ());
-    }
-    graph
 }
 
 /// How a draft is repeated, and where its wires lead.
@@ -174,7 +157,7 @@ impl Checker<'_> {
             self.problems.push(Diagnostic::error(&draft.place, message));
         }
         for port in draft.kind.spec.inputs.iter().filter(|it| !it.arity.takes_list()) {
-            let all = wires.iter().flat_map(|(name, ends)| ends.iter().map(move |_| *name));
+            let all = wires.iter().flat_map(|(name, ends)| ends.iter().map(move |_| name));
             let of_port = all.zip(&joined).filter(|it| it.0 == port.name);
             let mut its_axes = of_port.flat_map(|it| &it.1.axes);
             if let Some(axis) = its_axes.find(|it| gathered.contains(it)) {
@@ -266,7 +249,7 @@ impl Checker<'_> {
         draft: &Draft,
         wires: &Wires,
         point: &Point,
-    ) -> Option<(Arc<dyn AnyNode>, BTreeMap<PathBuf, PathBuf>)> {
+    ) -> Option<(Arc<CheckedNode>, BTreeMap<PathBuf, PathBuf>)> {
         let axes = &self.expansion.axes;
         let fields: Vec<Entry> = draft
             .fields
@@ -291,7 +274,7 @@ fn inputs(
 ) -> (Inputs, InputLabels) {
     let (mut inputs, mut labels) = (Inputs::new(), InputLabels::new());
     let mut all_joined = repeated.joined.iter();
-    for (&name, ends) in wires {
+    for (name, ends) in wires {
         let port = draft.kind.spec.inputs.iter().find(|it| it.name == name);
         let is_labelled = port.is_some_and(|it| it.labelled);
         let (mut refs, mut port_labels) = (Vec::with_capacity(ends.len()), Vec::new());

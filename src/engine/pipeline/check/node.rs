@@ -11,7 +11,7 @@ use serde_json::{Map, Value as Json};
 use super::{Checker, Wires};
 use crate::engine::{
     artifact::ArtifactType,
-    node::{AnyNode, NodeKind},
+    node::{AnyNode, CheckedNode, NodeKind},
     params::Fields,
     pipeline::{
         convert::{Converter, Name},
@@ -30,12 +30,12 @@ impl Checker<'_> {
         draft: &Draft,
         fields: &[Entry],
         wires: Option<&Wires>,
-    ) -> Option<(Arc<dyn AnyNode>, BTreeMap<PathBuf, PathBuf>)> {
+    ) -> Option<(Arc<CheckedNode>, BTreeMap<PathBuf, PathBuf>)> {
         let n_problems = self.problems.len();
         let params = self.check_params(draft, fields);
         let node = self.parse(draft, fields, params?, wires)?;
         let files = self.check_files(draft, fields, node.as_ref());
-        (self.problems.len() == n_problems).then(|| (Arc::from(node), files))
+        (self.problems.len() == n_problems).then(|| (Arc::new(CheckedNode::new(draft.kind, node)), files))
     }
 
     /// The parameters as data, `None` if one of them is wrong.
@@ -154,9 +154,10 @@ pub(super) fn is_given(draft: &Draft, name: &str, fields: &Fields) -> bool {
     let spec = &draft.kind.spec;
     let known = || spec.inputs.iter().map(|it| it.name).chain(fields.names());
     let is_meant = |key: &str| {
-        key == name || (!known().any(|it| it == key) && nearest(key, known()) == Some(name))
+        !known().any(|it| it == key) && nearest(key, known()) == Some(name)
     };
-    draft.fields.iter().any(|it| is_meant(&it.key.name))
+    let is_there = draft.fields.iter().any(|it| *it.key.name == *name);
+    is_there || draft.fields.iter().any(|it| is_meant(&it.key.name))
 }
 
 /// The types of the artifacts that are wired to an input.

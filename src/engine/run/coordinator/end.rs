@@ -1,11 +1,12 @@
 //! Ends instances: outcomes, failures and whom they stop, memory that is free again.
 
-use std::{sync::Arc, time::Duration};
+use std::{borrow::Cow, sync::Arc, time::Duration};
 
 use petgraph::graph::NodeIndex;
 
 use super::Coordinator;
 use super::Queues;
+use crate::engine::digest::Digest;
 use crate::engine::events::Event;
 use crate::engine::events::ExportOutcome;
 use crate::engine::events::Failure;
@@ -123,15 +124,7 @@ impl<'a> Coordinator<'a> {
 
     /// Keeps what the next run wants to know: the keys of now.
     pub(super) fn remember(&mut self) {
-        let mut notes = Vec::new();
-        for index in self.context.graph.instances.node_indices() {
-            let Some((key, _)) = &self.slots[index].key else { continue };
-            let done = self.slots[index].outcome.as_ref().is_some_and(Outcome::is_done);
-            let id = self.context.graph.instances[index].id();
-            if done && self.memory.last_key(&id) != Some(*key) {
-                notes.push((Note::LastKey, self.memory.subject(&id), key.0.to_vec()));
-            }
-        }
+        let mut notes = self.changed_keys();
         for (rule, outcome) in self.exports.iter().enumerate() {
             if !matches!(outcome, Some(ExportOutcome::Written { .. })) {
                 continue;
@@ -148,5 +141,34 @@ impl<'a> Coordinator<'a> {
         {
             self.store_error = Some(error);
         }
+    }
+
+    /// The keys that are not those of the last run. That nothing has changed is told by one note: ten
+    /// thousand need not be looked at for it.
+    fn changed_keys(&self) -> Vec<(Note, Digest, Vec<u8>)> {
+        let mut done = Vec::with_capacity(self.order.len());
+        let mut all = blake3::Hasher::new();
+        for index in self.context.graph.instances.node_indices() {
+            let slot = &self.slots[index];
+            if let Some((key, _)) = &slot.key
+                && slot.outcome.as_ref().is_some_and(Outcome::is_done)
+            {
+                let id = self.context.graph.instances[index].shown_id();
+                all.update(id.as_bytes()).update(&[0]).update(&key.0);
+                done.push((id, *key));
+            }
+        }
+        let all = all.finalize().as_bytes().to_vec();
+        let subject = self.memory.subject("");
+        if done.is_empty() || self.context.store.recall(Note::LastKeys, &subject).as_ref() == Some(&all)
+        {
+            return Vec::new();
+        }
+        let is_new = |it: &(Cow<'_, str>, Digest)| self.memory.last_key(&it.0) != Some(it.1);
+        let new = done.into_iter().filter(is_new);
+        let note = |(id, key): (Cow<'_, str>, Digest)| {
+            (Note::LastKey, self.memory.subject(&id), key.0.to_vec())
+        };
+        new.map(note).chain([(Note::LastKeys, subject, all)]).collect()
     }
 }

@@ -17,6 +17,7 @@ use crate::engine::events::Outcome;
 use crate::engine::node::NodeOutputs;
 use crate::engine::plan::OutputInfo;
 use crate::engine::plan::Outputs;
+use crate::engine::port_map::PortMap;
 use crate::engine::run::message::Message;
 use crate::engine::run::slots::Work;
 use crate::engine::run::timers::Timer;
@@ -150,7 +151,7 @@ impl<'a> Coordinator<'a> {
 
     pub(super) fn ran(&mut self, index: NodeIndex, result: NodeOutputs, wall: Duration) {
         let NodeOutputs { artifacts, absent, notes } = result;
-        let mut outputs = Outputs { artifacts: BTreeMap::new(), absent };
+        let mut outputs = Outputs { artifacts: PortMap::new(), absent };
         let (mut live, mut objects) = (BTreeMap::new(), Vec::new());
         for (port, (artifact, bytes)) in artifacts {
             let info = OutputInfo { digest: artifact.digest(), bytes: bytes.len() as u64 };

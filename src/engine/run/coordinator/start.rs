@@ -151,7 +151,7 @@ impl<'a> Coordinator<'a> {
         let inputs = instance
             .inputs
             .iter()
-            .map(|(&port, sources)| {
+            .map(|(port, sources)| {
                 let values =
                     sources.iter().filter_map(|&from| match &self.slots[from.instance].failed {
                         Some(why) if instance.shows_missing => Some(Err(Arc::clone(why))),

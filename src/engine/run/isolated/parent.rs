@@ -121,7 +121,7 @@ fn input_file(store: &Store, value: &Value, keep: &mut Vec<File>) -> Result<Arti
     };
     let (ty, path, digest) = match value {
         Value::Live(artifact) => {
-            (artifact.ty(), in_memory(&artifact.to_bytes())?, artifact.digest())
+            (artifact.ty(), in_memory(&artifact.bytes())?, artifact.digest())
         }
         Value::Stored { from, ty, digest } => {
             let lost = |error: ObjectError| NoInput::Lost(JobResult::Lost { from: *from, error });
