@@ -32,7 +32,7 @@ pub struct MedialSkeletonOptions {
 
 impl Default for MedialSkeletonOptions {
     fn default() -> Self {
-        Self { angle_deg: 90.0, reach: 2.0 }
+        Self { angle_deg: 90.0, reach: 2.5 }
     }
 }
 
