@@ -125,11 +125,15 @@ fn curves(graph: &MedialGraph, reach: f64) -> (Vec<usize>, Vec<[u32; 2]>) {
         if is_reached {
             continue;
         }
+        let in_component = |it: &usize| graph.distance(root, *it).is_finite();
+        let members: Vec<usize> = (0..graph.n()).filter(in_component).collect();
+        // Noise cuts single balls off, and a ball by itself is no curve.
+        if members.len() == 1 && !kept.is_empty() {
+            continue;
+        }
         node_of_ball[root] = Some(kept.len() as u32);
         kept.push(root);
         cover(graph, &[root], reach, &mut is_covered);
-        let in_component = |it: &usize| graph.distance(root, *it).is_finite();
-        let members: Vec<usize> = (0..graph.n()).filter(in_component).collect();
         while let Some(end) = farthest(graph, &members, &kept, &is_covered) {
             let way = way_to(graph, &node_of_ball, end);
             let mut last = node_of_ball[way[0]].expect("ways begin at what there is");
