@@ -215,7 +215,7 @@ fn way_to(graph: &MedialGraph, node_of_ball: &[Option<u32>], end: usize) -> Vec<
 mod tests {
     use super::*;
     use crate::kernels::shapes::{icosphere, torus};
-    use crate::kernels::synthesize::{Body, SynthesizeOptions, synthesize};
+    use crate::kernels::synthesize::{SynthesizeOptions, synthesize};
 
     fn skeleton(mesh: &TriMesh) -> CurveSkeleton {
         medial_skeleton(mesh, &MedialSkeletonOptions::default())
@@ -223,28 +223,26 @@ mod tests {
 
     #[test]
     fn a_figure_has_a_curve_into_every_limb() {
-        for body in [Body::Biped, Body::Quadruped] {
-            let options = SynthesizeOptions { body, n_vertices: 1000, ..Default::default() };
-            let figure = synthesize(&options).unwrap();
-            let curves = skeleton(&figure.mesh);
-            assert_eq!((curves.n_components(), curves.n_cycles()), (1, 0));
-            assert_eq!(curves.node_of_vertex().len(), figure.mesh.n_vertices());
-            let field = DistanceField::new(&figure.mesh);
-            for (place, radius) in curves.positions().iter().zip(curves.radii()) {
-                assert!((field.distance(*place) + radius).abs() < 0.02 * radius, "{radius}");
+        let options = SynthesizeOptions { n_vertices: 1000, ..Default::default() };
+        let figure = synthesize(&options).unwrap();
+        let curves = skeleton(&figure.mesh);
+        assert_eq!(curves.n_cycles(), 0);
+        assert_eq!(curves.node_of_vertex().len(), figure.mesh.n_vertices());
+        let field = DistanceField::new(&figure.mesh);
+        for (place, radius) in curves.positions().iter().zip(curves.radii()) {
+            assert!((field.distance(*place) + radius).abs() < 0.02 * radius, "{radius}");
+        }
+        for (name, &vertex) in figure.landmarks.names.iter().zip(&figure.landmarks.vertices) {
+            if !["hand", "foot", "head"].iter().any(|it| name.starts_with(it)) {
+                continue;
             }
-            for (name, &vertex) in figure.landmarks.names.iter().zip(&figure.landmarks.vertices) {
-                if !["hand", "foot", "head"].iter().any(|it| name.starts_with(it)) {
-                    continue;
-                }
-                let place = figure.mesh.vertices()[vertex as usize];
-                let beyond = |leaf: u32| {
-                    let leaf = leaf as usize;
-                    (curves.positions()[leaf] - place).norm() - curves.radii()[leaf]
-                };
-                let nearest = curves.leaves().into_iter().map(beyond).fold(f64::INFINITY, f64::min);
-                assert!(nearest < 0.1, "{name} {nearest}");
-            }
+            let place = figure.mesh.vertices()[vertex as usize];
+            let beyond = |leaf: u32| {
+                let leaf = leaf as usize;
+                (curves.positions()[leaf] - place).norm() - curves.radii()[leaf]
+            };
+            let nearest = curves.leaves().into_iter().map(beyond).fold(f64::INFINITY, f64::min);
+            assert!(nearest < 0.1, "{name} {nearest}");
         }
     }
 
