@@ -86,7 +86,8 @@ pub enum Method {
     /// Small sets of vertices that cut their surroundings apart, such as rings around limbs.
     #[default]
     LocalSeparators,
-    /// Along the largest balls inside a closed surface: a tree. Fast, and steady under noise.
+    /// Along the largest balls inside a closed surface: a tree that is inside and near the true bones, but
+    /// has more spurs where the surface is noisy.
     MedialBalls,
 }
 

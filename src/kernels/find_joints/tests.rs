@@ -221,3 +221,17 @@ fn hips_beside_the_curve_are_found_from_the_legs() {
     let (on_curve, centered) = (distance(false), distance(true));
     assert!(on_curve > 0.1 && centered < 0.03, "{on_curve} {centered}");
 }
+
+#[test]
+fn a_joint_beside_its_curve_has_its_image_beside_the_other() {
+    let body = body();
+    let poses = [posed(&body, &[]), posed(&body, &[("elbow_l", [0.0, 0.0, 60.0])])];
+    let options = JointOptions { is_symmetric: false, ..Default::default() };
+    let mut joints = find_joints(&body, &poses, &options).unwrap();
+    joints[0].position += Vec3::new(0.02, 0.03, 0.04);
+    add_images(&body, &mut joints, &options);
+    assert_eq!(joints.len(), 2);
+    let image = joints.iter().find(|it| it.is_mirrored).unwrap();
+    let expected = Vec3::new(-0.42, 1.53, 0.04);
+    assert!((image.position - expected).norm() < 1e-6, "{}", image.position);
+}
