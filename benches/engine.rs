@@ -49,9 +49,7 @@ const ROUNDS: usize = 7;
 const BLOCK_LEN: usize = 6_000_000;
 
 fn main() {
-    if std::env::var_os("SMALL_PAGES").is_none() {
-        memory::prefer_large_pages();
-    }
+    memory::prefer_large_pages();
     let args: Vec<String> = std::env::args().skip(1).filter(|it| it != "--bench").collect();
     match args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["run", folder, jobs] => run_child(Path::new(folder), jobs.parse().expect("a number")),

@@ -234,7 +234,10 @@ fn graphs_of_large_pipelines_are_kept_by_themselves() {
     assert_ne!(show(&found), large);
     assert_eq!(fs::read(folder.kept()).unwrap(), kept);
     folder.write("pipeline.toml", &longer);
-    assert_eq!(show(&snapshot::load(&path, &TOY, &Settings::default(), &read_only).unwrap()), large);
+    assert_eq!(
+        show(&snapshot::load(&path, &TOY, &Settings::default(), &read_only).unwrap()),
+        large
+    );
     // Housekeeping removes what may never be asked for again.
     gc::collect(&folder.path("cache"), &gc::GcOptions::default()).unwrap();
     assert_eq!(fs::read_dir(folder.path("cache/graphs")).unwrap().count(), 0);
@@ -350,7 +353,7 @@ fn a_disk_that_fails_costs_the_graph_only() {
     let verdicts =
         [Verdict::Fail(libc::ENOSPC), Verdict::Short(0), Verdict::Short(1000), Verdict::Ignore];
     for verdict in verdicts {
-        for at in 0..40 {
+        for at in 0..25 {
             let _ = fs::remove_dir_all(folder.path("cache/graphs"));
             let disk = Disk::with_faults(Arc::new(FailAt(at, verdict, AtomicUsize::new(0))));
             let Ok(store) = Store::open_on(&disk, &folder.path("cache"), Access::ReadWrite) else {
@@ -365,5 +368,5 @@ fn a_disk_that_fails_costs_the_graph_only() {
             }
         }
     }
-    assert!(n_found[&true] > 50, "{n_found:?}");
+    assert!(n_found[&true] > 40, "{n_found:?}");
 }

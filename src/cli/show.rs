@@ -48,11 +48,8 @@ pub fn run(args: &Args, ui: &Ui) -> Result<Exit, Failure> {
     let store = args.store.open_read_only()?;
     let (index, port) = find_port(&graph, &args.node)?;
     let outputs = stored_outputs(&graph, &store, index)?;
-    let shown: Vec<&str> = outputs
-        .artifacts
-        .keys()
-        .filter(|it| port.is_none_or(|port| port == *it))
-        .collect();
+    let shown: Vec<&str> =
+        outputs.artifacts.keys().filter(|it| port.is_none_or(|port| port == *it)).collect();
     if let Some(path) = &args.output {
         let [only] = shown[..] else {
             let list = shown.join("`, `");

@@ -92,10 +92,7 @@ pub trait Artifact: Any + Send + Sync + Sized {
     ///
     /// # Errors
     /// As [`Artifact::decode`].
-    fn check<'a>(
-        _from: &Decoder<'a>,
-        _canonical: &mut Encoder<'a>,
-    ) -> Result<bool, DecodeError> {
+    fn check<'a>(_from: &Decoder<'a>, _canonical: &mut Encoder<'a>) -> Result<bool, DecodeError> {
         Ok(false)
     }
 

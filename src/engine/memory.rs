@@ -5,9 +5,13 @@
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const LARGEST_OF_HEAP: i32 = 32 << 20;
 
-/// The heap grows by so much at once.
+/// The heap grows by so much once, and keeps as much when it is freed.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
-const STEP: usize = 64 << 20;
+const STEP: i32 = 64 << 20;
+
+/// By how much the allocator lets heaps grow by itself.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+const USUAL_STEP: i32 = 128 << 10;
 
 /// Lets the heap of the main thread go on in large pages, if the system has them. Call it before a graph
 /// is made.
@@ -21,8 +25,8 @@ pub fn prefer_large_pages() {
     // ours and the end of the heap, and changes nothing of what is there.
     unsafe {
         libc::mallopt(libc::M_MMAP_THRESHOLD, LARGEST_OF_HEAP);
-        libc::mallopt(libc::M_TRIM_THRESHOLD, STEP as i32);
-        libc::mallopt(libc::M_TOP_PAD, STEP as i32);
+        libc::mallopt(libc::M_TRIM_THRESHOLD, STEP);
+        libc::mallopt(libc::M_TOP_PAD, STEP);
         // More than the heap has left, so that it grows.
         let block = libc::malloc(1 << 20);
         let start = block.addr().next_multiple_of(LARGE_PAGE);
@@ -30,6 +34,8 @@ pub fn prefer_large_pages() {
         if let Some(length) = end.checked_sub(start).filter(|_| !block.is_null()) {
             libc::madvise(block.with_addr(start), length, libc::MADV_HUGEPAGE);
         }
+        // The heaps of other threads need no such room.
+        libc::mallopt(libc::M_TOP_PAD, USUAL_STEP);
         libc::free(block);
     }
 }

@@ -191,13 +191,13 @@ impl<'a> Encoder<'a> {
     pub fn is(mut self, bytes: &[u8]) -> bool {
         let header = self.header();
         let arrays = self.arrays.iter().map(|it| &*it.3);
-        let rest = std::iter::once(&header[..])
-            .chain(arrays)
-            .try_fold(bytes, |rest, piece| match rest.split_at_checked(piece.len()) {
+        let rest = std::iter::once(&header[..]).chain(arrays).try_fold(bytes, |rest, piece| {
+            match rest.split_at_checked(piece.len()) {
                 // A piece of the file itself need not be compared.
                 Some((start, rest)) if std::ptr::eq(start, piece) || start == piece => Some(rest),
                 _ => None,
-            });
+            }
+        });
         rest.is_some_and(<[u8]>::is_empty)
     }
 

@@ -35,8 +35,8 @@ mod wires;
 
 use std::path::{Path, PathBuf};
 
-pub use diagnostic::{Diagnostic, Diagnostics, Severity};
 pub use axes::listing;
+pub use diagnostic::{Diagnostic, Diagnostics, Severity};
 pub use nearest::{nearest, suggest};
 pub use open_ports::with_ports;
 

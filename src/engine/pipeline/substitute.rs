@@ -375,10 +375,7 @@ mod tests {
     fn resolve(declared: &[(&str, &str)]) -> (Params, Vec<String>) {
         let entry = |(index, (name, value)): (usize, &(&str, &str))| Entry {
             key: Key { name: (*name).into(), place: Place::new(0, index..index + 1) },
-            value: Value::new(
-                Data::Text((*value).into()),
-                Place::new(0, index..index + 1),
-            ),
+            value: Value::new(Data::Text((*value).into()), Place::new(0, index..index + 1)),
         };
         let declared: Vec<Entry> = declared.iter().enumerate().map(entry).collect();
         let mut problems = Vec::new();

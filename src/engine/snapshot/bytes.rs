@@ -16,7 +16,8 @@ pub struct Writer {
 impl Writer {
     /// Seven bits a byte, the last one without the eighth.
     pub fn number(&mut self, number: impl TryInto<u64>) {
-        let mut rest = number.try_into().ok().expect("lengths and positions are no more than 64 bits");
+        let mut rest =
+            number.try_into().ok().expect("lengths and positions are no more than 64 bits");
         while rest >= 0x80 {
             self.numbers.push(rest as u8 | 0x80);
             rest >>= 7;

@@ -18,7 +18,8 @@ use crate::engine::{
 pub fn read(from: &mut Reader<'_>, library: &Library) -> Option<Graph> {
     let has_title = from.flag()?;
     let title = from.text()?.to_owned();
-    let cites = (0..from.count()?).map(|_| from.text().map(str::to_owned)).collect::<Option<_>>()?;
+    let cites =
+        (0..from.count()?).map(|_| from.text().map(str::to_owned)).collect::<Option<_>>()?;
     let n_instances = from.count()?;
     let mut reading = Reading { from, library, nodes: Vec::with_capacity(n_instances) };
     for _ in 0..n_instances {

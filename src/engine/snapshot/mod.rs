@@ -87,7 +87,8 @@ pub fn write(
     let Some(about) = about(path, library, settings) else { return Ok(()) };
     let mut writer = Writer::default();
     writer.digest(&about);
-    let written = write_sources(graph, &mut writer).and_then(|()| encode::write(graph, &mut writer));
+    let written =
+        write_sources(graph, &mut writer).and_then(|()| encode::write(graph, &mut writer));
     if written.is_none() {
         return Ok(());
     }

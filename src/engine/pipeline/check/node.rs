@@ -35,7 +35,8 @@ impl Checker<'_> {
         let params = self.check_params(draft, fields);
         let node = self.parse(draft, fields, params?, wires)?;
         let files = self.check_files(draft, fields, node.as_ref());
-        (self.problems.len() == n_problems).then(|| (Arc::new(CheckedNode::new(draft.kind, node)), files))
+        (self.problems.len() == n_problems)
+            .then(|| (Arc::new(CheckedNode::new(draft.kind, node)), files))
     }
 
     /// The parameters as data, `None` if one of them is wrong.
@@ -153,9 +154,7 @@ pub(super) fn fields_of<'a>(
 pub(super) fn is_given(draft: &Draft, name: &str, fields: &Fields) -> bool {
     let spec = &draft.kind.spec;
     let known = || spec.inputs.iter().map(|it| it.name).chain(fields.names());
-    let is_meant = |key: &str| {
-        !known().any(|it| it == key) && nearest(key, known()) == Some(name)
-    };
+    let is_meant = |key: &str| !known().any(|it| it == key) && nearest(key, known()) == Some(name);
     let is_there = draft.fields.iter().any(|it| *it.key.name == *name);
     is_there || draft.fields.iter().any(|it| is_meant(&it.key.name))
 }

@@ -160,7 +160,8 @@ impl<'a> Coordinator<'a> {
         }
         let all = all.finalize().as_bytes().to_vec();
         let subject = self.memory.subject("");
-        if done.is_empty() || self.context.store.recall(Note::LastKeys, &subject).as_ref() == Some(&all)
+        if done.is_empty()
+            || self.context.store.recall(Note::LastKeys, &subject).as_ref() == Some(&all)
         {
             return Vec::new();
         }

@@ -120,9 +120,7 @@ fn input_file(store: &Store, value: &Value, keep: &mut Vec<File>) -> Result<Arti
         Ok(path)
     };
     let (ty, path, digest) = match value {
-        Value::Live(artifact) => {
-            (artifact.ty(), in_memory(&artifact.bytes())?, artifact.digest())
-        }
+        Value::Live(artifact) => (artifact.ty(), in_memory(&artifact.bytes())?, artifact.digest()),
         Value::Stored { from, ty, digest } => {
             let lost = |error: ObjectError| NoInput::Lost(JobResult::Lost { from: *from, error });
             let path = match store.object(*ty, digest).map_err(lost)? {
