@@ -267,6 +267,24 @@ mod tests {
         }
     }
 
+    #[test]
+    fn joints_follow_the_surface_that_they_belong_to() {
+        let mesh = creature(0.0);
+        let n = mesh.n_vertices();
+        let regressor = regressor(n);
+        let here = transfer_by_surface(&regressor, mesh.vertices()).unwrap();
+        let carry = |it: &Vec3| Vec3::new(-it.y, it.x, it.z) * 2.0 + Vec3::x();
+        let carried: Vec<Vec3> = mesh.vertices().iter().map(carry).collect();
+        let there = transfer_by_surface(&regressor, &carried).unwrap();
+        for (a, b) in here.positions().iter().zip(there.positions()) {
+            assert!((carry(a) - b).norm() < 1e-10);
+        }
+        let error = transfer_by_surface(&regressor, &carried[1..]).unwrap_err();
+        let expected =
+            TransferError::TargetVertices { what: "regressor", expected: n, mesh: n - 1 };
+        assert_eq!(error, expected);
+    }
+
     /// One surface at 92 and at 1442 vertices, with the map of their nearest vertices.
     #[test]
     fn a_target_of_fifteen_times_more_or_fewer_vertices_gets_the_same_joints() {
