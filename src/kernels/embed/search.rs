@@ -37,8 +37,9 @@ const LOSS: f64 = 0.5;
 /// A partial matching waits with its penalty plus, for every open joint whose parent is matched, the
 /// least that this joint and all below it can cost there. So the first complete matching that is taken
 /// is the best.
-/// If there is none within `max_steps`, a beam of the best goes on: no joint that has a place is given up
-/// for want of time, as in Transfer4D, which keeps the deepest matching that was taken.
+/// If there is none within `max_steps`, and joints have places, a beam of the best goes on, so that no joint
+/// is given up for want of time; without places, returns the one with the most joints among those that were
+/// taken (Transfer4D).
 pub fn search(
     problem: &Problem<'_>,
     candidates: &[Vec<usize>],
@@ -142,10 +143,15 @@ impl Search<'_> {
             let lost = self.least_loss();
             return Matching { balls: vec![], penalty: 0.0, lost };
         }
+        let mut deepest = Matching { balls: vec![], penalty: 0.0, lost: None };
         while let Some(best) = self.queue.pop() {
             let balls = self.balls(&best);
+            if balls.len() > deepest.balls.len() {
+                let lost = Some(balls.len()).filter(|it| *it < n_joints);
+                deepest = Matching { balls: balls.clone(), penalty: best.penalty, lost };
+            }
             if balls.len() == n_joints {
-                return Matching { balls, penalty: best.penalty, lost: None };
+                return deepest;
             }
             if self.taken.len() == self.options.max_steps {
                 break;
@@ -153,7 +159,10 @@ impl Search<'_> {
             self.taken.push((best.taken, best.ball));
             self.extend(&best, balls);
         }
-        self.beam()
+        match self.problem.places {
+            Some(_) => self.beam(),
+            None => deepest,
+        }
     }
 
     /// What the open joints beside the next one cost at least.
