@@ -46,7 +46,8 @@ pub struct EmbedNode {
     /// The most partial matchings that wait; when there are more, the better half is kept.
     #[schemars(range(min = 2, max = 10_000_000))]
     pub max_queue: usize,
-    /// The most partial matchings that are extended before a joint is given up.
+    /// The most partial matchings that are extended before a joint is given up; where `place` counts, before
+    /// the search goes on with the best hundred of every joint only.
     #[schemars(range(min = 1, max = 10_000_000))]
     pub max_steps: usize,
     /// Rounds of the refinement; 0 leaves joints on the centres of balls.

@@ -1,5 +1,7 @@
 //! The best matching of joints and balls.
 
+mod beam;
+
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -10,7 +12,7 @@ use super::penalties::{Matched, Problem, Terms};
 pub struct SearchOptions {
     /// When more matchings wait than this, the better half is kept.
     pub max_queue: usize,
-    /// The search gives up after so many partial matchings.
+    /// After so many partial matchings the search goes on with the best only.
     pub max_steps: usize,
 }
 
@@ -35,7 +37,9 @@ const LOSS: f64 = 0.5;
 /// A partial matching waits with its penalty plus, for every open joint whose parent is matched, the
 /// least that this joint and all below it can cost there. So the first complete matching that is taken
 /// is the best.
-/// If there is none, returns the one with the most joints among those that were taken.
+/// If there is none within `max_steps`, and joints have places, a beam of the best goes on, so that no joint
+/// is given up for want of time; without places, returns the one with the most joints among those that were
+/// taken (Transfer4D).
 pub fn search(
     problem: &Problem<'_>,
     candidates: &[Vec<usize>],
@@ -103,22 +107,6 @@ impl PartialOrd for Waiting {
     }
 }
 
-/// So many of the best matchings are extended by every joint once the search gave up.
-const BEAM: usize = 100;
-
-/// A partial matching of the search that goes on when the first one gives up.
-struct Partial {
-    bound: f64,
-    penalty: f64,
-    balls: Vec<usize>,
-}
-
-/// Keeps the best, and sorts them; of equal ones those with smaller balls come first.
-fn best_only(level: &mut Vec<Partial>) {
-    level.sort_by(|a, b| a.bound.total_cmp(&b.bound).then_with(|| a.balls.cmp(&b.balls)));
-    level.truncate(BEAM);
-}
-
 /// The balls that a joint may be matched to if its parent is matched to a certain one, with the
 /// penalties of these pairs, least first.
 type Costs = std::rc::Rc<[(f64, u32)]>;
@@ -171,68 +159,10 @@ impl Search<'_> {
             self.taken.push((best.taken, best.ball));
             self.extend(&best, balls);
         }
-        self.beam()
-    }
-
-    /// Matches joint after joint in the best ways only, so that the end is reached in any case but that
-    /// a joint has no place at all.
-    ///
-    /// If all have a place, but together they cost too much, the dearest joint is lost.
-    fn beam(&mut self) -> Matching {
-        let n_joints = self.problem.reduced.n();
-        let mut level: Vec<Partial> = vec![];
-        for &ball in &self.candidates[0] {
-            if let Some(terms) = self.problem.root_terms(ball) {
-                let penalty = terms.iter().sum::<f64>();
-                let bound = penalty + self.open_children(0, ball);
-                level.push(Partial { bound, penalty, balls: vec![ball] });
-            }
+        match self.problem.places {
+            Some(_) => self.beam(),
+            None => deepest,
         }
-        best_only(&mut level);
-        for joint in 1..n_joints {
-            let mut next = vec![];
-            for from in &level {
-                self.ways(from, &mut next);
-            }
-            best_only(&mut next);
-            if next.is_empty() {
-                let best = level.swap_remove(0);
-                return Matching { balls: best.balls, penalty: best.penalty, lost: Some(joint) };
-            }
-            level = next;
-        }
-        let best = level.swap_remove(0);
-        let lost = (best.penalty >= LIMIT).then(|| self.dearest(&best.balls));
-        Matching { balls: best.balls, penalty: best.penalty, lost }
-    }
-
-    /// All ways to match the next joint, whatever they cost.
-    fn ways(&mut self, from: &Partial, to: &mut Vec<Partial>) {
-        let joint = from.balls.len();
-        let reduced = self.problem.reduced;
-        let state = State::of(self.problem, from.balls.clone());
-        let parent = reduced.parents[joint].expect("only the first joint is a root");
-        let others = self.others(joint, &state.balls);
-        for &(cost, ball) in self.costs(joint, state.balls[parent]).iter() {
-            let ball = ball as usize;
-            let Some(context) = self.problem.context_terms(&state.matched(), joint, ball) else {
-                continue;
-            };
-            let penalty = from.penalty + cost + context.iter().sum::<f64>();
-            let bound = penalty + others + self.open_children(joint, ball);
-            let mut balls = from.balls.clone();
-            balls.push(ball);
-            to.push(Partial { bound, penalty, balls });
-        }
-    }
-
-    /// The joint of a matching that costs most; of equal ones the first. The root stays.
-    fn dearest(&self, balls: &[usize]) -> usize {
-        let costs: Vec<f64> = (terms_of_matching(self.problem, balls).iter())
-            .map(|it| it.iter().sum::<f64>())
-            .collect();
-        let dearest = (1..balls.len()).min_by(|&a, &b| costs[b].total_cmp(&costs[a]));
-        dearest.expect("a root alone never costs as much as the limit")
     }
 
     /// What the open joints beside the next one cost at least.

@@ -268,8 +268,7 @@ impl<'a> Tracker<'a> {
         let mut motion = Motion::identity(self.fine.n_nodes());
         let mut ahead = motion.clone();
         for frame in frames {
-            let Step { motion: next, vertices, report, shares } =
-                self.step(frame, &motion, &ahead);
+            let Step { motion: next, vertices, report, shares } = self.step(frame, &motion, &ahead);
             // What is hidden stays where it was: nothing would stop it.
             let shares: Vec<f64> = shares.iter().map(|it| it * self.options.momentum).collect();
             ahead = if report.is_lost { next.clone() } else { next.ahead(&motion, &shares) };
@@ -336,12 +335,7 @@ impl<'a> Tracker<'a> {
     }
 
     /// Tracks one frame as the paper does.
-    fn paper_step(
-        &self,
-        frame: usize,
-        previous: &Motion,
-        options: &PaperOptions,
-    ) -> Step {
+    fn paper_step(&self, frame: usize, previous: &Motion, options: &PaperOptions) -> Step {
         let target = Target::new(self.video, frame, self.gate, 0);
         let points: Vec<Vec3> =
             target.measured.iter().map(|it| target.points[*it as usize]).collect();
