@@ -118,6 +118,7 @@ pub mod skeleton_transfer;
 pub mod skin_weights;
 pub mod skinning;
 pub mod snapshot;
+pub mod spanning_tree;
 pub mod sparse;
 pub mod sparse_cholesky;
 pub mod ssdr;

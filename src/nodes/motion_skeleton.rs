@@ -166,6 +166,11 @@ max_bones = 12
         if made.n_links > 0 {
             io.note(format!("{} components were joined by links", made.n_links + 1));
         }
+        if made.skeleton.n_joints() == 1 {
+            io.note("the surface has no limbs: one joint moves all of it");
+        } else if made.n_splits == 0 {
+            io.note("nothing bends: joints are only where curves branch and end");
+        }
         io.put(Self::SUMMARY, summary(&made));
         let (skeleton, clip) = match self.upright {
             true => upright(&made)?,

@@ -4,7 +4,7 @@ use super::{Moving, paths::mean_places};
 use crate::kernels::curve_skeleton::{CurveSkeleton, NO_NODE};
 use crate::kernels::mesh::Vec3;
 use crate::kernels::point_tree::PointTree;
-use crate::kernels::topology::DisjointSets;
+use crate::kernels::spanning_tree::spanning_tree;
 
 /// So many vertices of a component stand for all in the search for gaps.
 const SAMPLES: usize = 1000;
@@ -35,20 +35,14 @@ pub fn connect_over_time(
             pairs.push((gap(skeleton, moving, &components, &samples, a, b), a, b));
         }
     }
-    pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
     let tracks = mean_places(skeleton, moving.frames(), moving.rest_places());
     let borders = borders(skeleton, moving, &components);
-    let mut sets = DisjointSets::new(n_components);
-    let mut edges = skeleton.edges().to_vec();
-    let mut n_links = 0;
-    for (_, a, b) in pairs {
-        if sets.find(a) == sets.find(b) {
-            continue;
-        }
-        sets.join(a, b);
-        n_links += 1;
-        edges.push(link(skeleton, &components, &tracks, &borders, max_variation, [a, b]));
-    }
+    let joins = spanning_tree(n_components, pairs);
+    let n_links = joins.len();
+    let links = joins.into_iter().map(|(a, b)| {
+        link(skeleton, &components, &tracks, &borders, max_variation, [a, b])
+    });
+    let edges = skeleton.edges().iter().copied().chain(links).collect();
     let (positions, radii) = (skeleton.positions().to_vec(), skeleton.radii().to_vec());
     let joined = CurveSkeleton::new(positions, radii, edges, skeleton.node_of_vertex().to_vec())
         .expect("links are between nodes of different components");

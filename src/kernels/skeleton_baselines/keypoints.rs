@@ -2,6 +2,7 @@
 
 use super::k_means::k_means;
 use super::{BaselineError, Moving, MovingSkeleton, means, tree};
+use crate::kernels::spanning_tree::spanning_tree;
 use crate::kernels::mesh::Vec3;
 use crate::kernels::ssdr::rmse;
 use crate::kernels::weights::SkinWeights;
@@ -50,7 +51,7 @@ pub fn skeletonize_kmeans(
     let farthest =
         |a: usize, b: usize| paths.iter().map(|it| (it[a] - it[b]).norm()).fold(0.0, f64::max);
     let pairs = (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b)));
-    let edges = tree::spanning_tree(n, pairs.map(|(a, b)| (farthest(a, b), a, b)).collect());
+    let edges = spanning_tree(n, pairs.map(|(a, b)| (farthest(a, b), a, b)).collect());
     let centre = moving.rest.iter().sum::<Vec3>() / moving.rest.len() as f64;
     let off = |it: &usize| (rest[*it] - centre).norm();
     let root = (0..n).min_by(|a, b| off(a).total_cmp(&off(b))).expect("there are keypoints");

@@ -3,6 +3,7 @@
 use nalgebra::{Isometry3, Matrix3, Point3};
 
 use super::{BaselineError, Moving, MovingSkeleton, tree};
+use crate::kernels::spanning_tree::spanning_tree;
 use crate::kernels::mesh::Vec3;
 use crate::kernels::point_tree::PointTree;
 use crate::kernels::ssdr::{Ssdr, SsdrOptions, ssdr};
@@ -57,7 +58,7 @@ pub fn skeletonize_le(
     let n = bones.centers.len();
     let joints = joints(moving, &bones, options.pull);
     let pairs = joints.iter().map(|it| (it.cost, it.bones.0, it.bones.1)).collect();
-    let edges = tree::spanning_tree(n, pairs);
+    let edges = spanning_tree(n, pairs);
     let root = most_central(&bones.centers, &edges);
     let parents = tree::rooted(n, &edges, root);
     rigged(moving, &bones, &joints, &parents)

@@ -8,22 +8,6 @@ use crate::kernels::point_tree::PointTree;
 /// The most members of a part whose distances are taken.
 const N_MEMBERS: usize = 300;
 
-/// The edges of a minimum spanning tree (Kruskal 1956) of the cheapest pairs first; ties go to smaller
-/// indices. Parts that no pair joins stay apart.
-pub fn spanning_tree(n: usize, mut pairs: Vec<(f64, usize, usize)>) -> Vec<(usize, usize)> {
-    pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    let mut groups: Vec<usize> = (0..n).collect();
-    let mut edges = Vec::new();
-    for (_, a, b) in pairs {
-        let (own, other) = (groups[a], groups[b]);
-        if own != other {
-            groups.iter_mut().filter(|it| **it == other).for_each(|it| *it = own);
-            edges.push((a, b));
-        }
-    }
-    edges
-}
-
 /// The parents of a tree's nodes, seen from `root`.
 ///
 /// # Panics
@@ -103,6 +87,8 @@ fn gaps(frame: &[Vec3], members: &[Vec<u32>]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kernels::spanning_tree::spanning_tree;
+    use crate::kernels::spanning_tree::spanning_tree;
 
     #[test]
     fn the_cheapest_tree_is_found_and_rooted() {

@@ -7,6 +7,7 @@ use super::k_means::k_means;
 use super::leading_vectors::leading_vectors;
 use super::regions::regions;
 use super::{BaselineError, Moving, MovingSkeleton, means, tree};
+use crate::kernels::spanning_tree::spanning_tree;
 use crate::kernels::mesh::Vec3;
 use crate::kernels::point_tree::PointTree;
 use crate::kernels::random::Random;
@@ -129,7 +130,7 @@ fn of_regions(moving: &Moving<'_>, regions: &[u32]) -> Result<MovingSkeleton, Ba
     let rest = means(moving.rest, regions, n);
     // The centroid and the mean displacement: the mean in every frame.
     let paths: Vec<Vec<Vec3>> = moving.frames.iter().map(|it| means(it, regions, n)).collect();
-    let edges = tree::spanning_tree(n, tree::largest_gaps(&moving.frames, regions, n));
+    let edges = spanning_tree(n, tree::largest_gaps(&moving.frames, regions, n));
     let centre = moving.rest.iter().sum::<Vec3>() / moving.rest.len() as f64;
     let off = |it: &usize| (rest[*it] - centre).norm();
     let root = (0..n).min_by(|a, b| off(a).total_cmp(&off(b))).expect("there are regions");
