@@ -88,7 +88,6 @@ fn gaps(frame: &[Vec3], members: &[Vec<u32>]) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::kernels::spanning_tree::spanning_tree;
-    use crate::kernels::spanning_tree::spanning_tree;
 
     #[test]
     fn the_cheapest_tree_is_found_and_rooted() {
