@@ -4,11 +4,11 @@
 //! uneven closed surfaces of `10 f^2 + 2` vertices. With `meshes=DIR` the operators are written
 //! there for `benches/peers/eigs.py`, which prints the same lines for scipy with CHOLMOD.
 
-use sinew::kernels::eigs::{EigsOptions, EigsStats, Observer, Phase, eigs_observed};
-use sinew::kernels::laplacian::{MassLumping, cotangent_laplacian};
-use sinew::kernels::mesh::TriMesh;
-use sinew::kernels::operator::Operator;
-use sinew::kernels::shapes::bumpy_sphere;
+use sinew::kernels::geometry::mesh::TriMesh;
+use sinew::kernels::geometry::shapes::bumpy_sphere;
+use sinew::kernels::spectral::eigs::{EigsOptions, EigsStats, Observer, Phase, eigs_observed};
+use sinew::kernels::spectral::laplacian::{MassLumping, cotangent_laplacian};
+use sinew::kernels::spectral::operator::Operator;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
 use std::sync::Mutex;

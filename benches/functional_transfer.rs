@@ -8,23 +8,23 @@
 
 use std::path::Path;
 
-use sinew::kernels::basis::Basis;
-use sinew::kernels::decimate::{DecimateOptions, decimate};
-use sinew::kernels::descriptors::{DescriptorOptions, Descriptors, descriptors};
-use sinew::kernels::eigs::{EigsOptions, eigs};
-use sinew::kernels::exact_regressor::{RegressorOptions, exact_regressor};
-use sinew::kernels::fmap::{FitOptions, fit_functional_map};
+use sinew::kernels::geometry::mesh::TriMesh;
 use sinew::kernels::io::character::Character;
 use sinew::kernels::io::gltf::GltfOptions;
 use sinew::kernels::io::read::read_character;
-use sinew::kernels::landmark_files::read_landmarks;
-use sinew::kernels::laplacian::{MassLumping, cotangent_laplacian};
-use sinew::kernels::mesh::TriMesh;
-use sinew::kernels::point_map::point_map;
-use sinew::kernels::skeleton_transfer::{spectral_regressor, transfer_by_functions};
-use sinew::kernels::subdivide::{Scheme, subdivide};
-use sinew::kernels::weights::SkinWeights;
-use sinew::kernels::zoomout::{ZoomOutOptions, refine};
+use sinew::kernels::maps::fmap::{FitOptions, fit_functional_map};
+use sinew::kernels::maps::landmark_files::read_landmarks;
+use sinew::kernels::maps::point_map::point_map;
+use sinew::kernels::maps::zoomout::{ZoomOutOptions, refine};
+use sinew::kernels::remeshing::decimate::{DecimateOptions, decimate};
+use sinew::kernels::remeshing::subdivide::{Scheme, subdivide};
+use sinew::kernels::rigs::weights::SkinWeights;
+use sinew::kernels::spectral::basis::Basis;
+use sinew::kernels::spectral::descriptors::{DescriptorOptions, Descriptors, descriptors};
+use sinew::kernels::spectral::eigs::{EigsOptions, eigs};
+use sinew::kernels::spectral::laplacian::{MassLumping, cotangent_laplacian};
+use sinew::kernels::transfer::exact_regressor::{RegressorOptions, exact_regressor};
+use sinew::kernels::transfer::skeleton_transfer::{spectral_regressor, transfer_by_functions};
 
 fn main() {
     let arguments = Arguments::parse();

@@ -9,12 +9,12 @@
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
-use sinew::kernels::eigs::{EigsOptions, eigs};
-use sinew::kernels::laplacian::{MassLumping, cotangent_laplacian};
-use sinew::kernels::mesh::Vec3;
-use sinew::kernels::nearest::nearest_rows;
-use sinew::kernels::random::Random;
-use sinew::kernels::shapes::bumpy_sphere;
+use sinew::kernels::geometry::mesh::Vec3;
+use sinew::kernels::geometry::shapes::bumpy_sphere;
+use sinew::kernels::maps::nearest::nearest_rows;
+use sinew::kernels::numerics::random::Random;
+use sinew::kernels::spectral::eigs::{EigsOptions, eigs};
+use sinew::kernels::spectral::laplacian::{MassLumping, cotangent_laplacian};
 
 fn main() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");

@@ -8,15 +8,15 @@
 
 use std::path::Path;
 
-use sinew::kernels::cloud_laplacian::{CloudOptions, cloud_laplacian};
-use sinew::kernels::eigs::{Disconnected, EigsOptions, eigs};
+use sinew::kernels::geometry::mesh::TriMesh;
+use sinew::kernels::geometry::shapes::bumpy_sphere;
 use sinew::kernels::io::gltf::GltfOptions;
 use sinew::kernels::io::read::read_character;
-use sinew::kernels::laplacian::{MassLumping, cotangent_laplacian};
-use sinew::kernels::mesh::TriMesh;
-use sinew::kernels::operator::Operator;
-use sinew::kernels::shapes::bumpy_sphere;
-use sinew::kernels::tufted::tufted_laplacian;
+use sinew::kernels::spectral::cloud_laplacian::{CloudOptions, cloud_laplacian};
+use sinew::kernels::spectral::eigs::{Disconnected, EigsOptions, eigs};
+use sinew::kernels::spectral::laplacian::{MassLumping, cotangent_laplacian};
+use sinew::kernels::spectral::operator::Operator;
+use sinew::kernels::spectral::tufted::tufted_laplacian;
 
 fn main() {
     let arguments = Arguments::parse();

@@ -4,13 +4,13 @@
 //! its arms turned inwards goes to a stout body, so that something penetrates in every key.
 
 use nalgebra::UnitQuaternion;
-use sinew::kernels::mesh::Vec3;
-use sinew::kernels::resolve_penetration::{
+use sinew::kernels::geometry::mesh::Vec3;
+use sinew::kernels::motion::resolve_penetration::{
     KeyReport, ResolvePenetrationOptions, resolve_penetration,
 };
-use sinew::kernels::segments_by_name::segments_by_name;
-use sinew::kernels::synthesize::{Character, Stance, SynthesizeOptions, synthesize};
-use sinew::kernels::transfer_animation::{TransferAnimationOptions, transfer_animation};
+use sinew::kernels::motion::transfer_animation::{TransferAnimationOptions, transfer_animation};
+use sinew::kernels::rigs::segments_by_name::segments_by_name;
+use sinew::kernels::synthetic::synthesize::{Character, Stance, SynthesizeOptions, synthesize};
 
 fn main() {
     let threads = number("threads", 2);

@@ -22,7 +22,7 @@ use sinew::{
         record::Line,
         store::{Access, Store},
     },
-    kernels::basis::Basis,
+    kernels::spectral::basis::Basis,
 };
 
 const SCRIPT: &str = "

@@ -12,18 +12,20 @@
 use std::path::Path;
 use std::time::Instant;
 
-use sinew::kernels::contract::{ContractOptions, FinishOptions, coarse_contraction, finish};
-use sinew::kernels::curve_skeleton::CurveSkeleton;
-use sinew::kernels::decimate::{DecimateOptions, decimate};
-use sinew::kernels::io::gltf::GltfOptions;
-use sinew::kernels::io::{obj, read::read_character};
-use sinew::kernels::local_separators::{
+use sinew::kernels::curve_skeletons::contract::{
+    ContractOptions, FinishOptions, coarse_contraction, finish,
+};
+use sinew::kernels::curve_skeletons::curve_skeleton::CurveSkeleton;
+use sinew::kernels::curve_skeletons::local_separators::{
     LocalSeparatorsOptions, SpatialGraph, Variant, local_separators,
 };
-use sinew::kernels::mesh::{TriMesh, Vec3};
-use sinew::kernels::shapes::bumpy_sphere;
-use sinew::kernels::skeleton_error::fit_of;
-use sinew::kernels::subdivide::{Scheme, subdivide};
+use sinew::kernels::curve_skeletons::skeleton_error::fit_of;
+use sinew::kernels::geometry::mesh::{TriMesh, Vec3};
+use sinew::kernels::geometry::shapes::bumpy_sphere;
+use sinew::kernels::io::gltf::GltfOptions;
+use sinew::kernels::io::{obj, read::read_character};
+use sinew::kernels::remeshing::decimate::{DecimateOptions, decimate};
+use sinew::kernels::remeshing::subdivide::{Scheme, subdivide};
 
 fn main() {
     let arguments = Arguments::parse();

@@ -221,7 +221,7 @@ fn write_example_files(folder: &Path) {
     fs::create_dir(folder.join("depth")).unwrap();
     for frame in 0..2 {
         let depths: Vec<f32> = (0..64).map(|it| 1.0 + (it % 8 + frame) as f32 * 0.01).collect();
-        let bytes = sinew::kernels::depth::read::write_depth_png(8, 8, &depths);
+        let bytes = sinew::kernels::sensors::depth::read::write_depth_png(8, 8, &depths);
         fs::write(folder.join(format!("depth/{frame}.png")), bytes).unwrap();
     }
 }

@@ -25,8 +25,8 @@ use sinew::{
     },
     kernels::{
         io::{gltf::GltfOptions, read::read_character},
-        landmark_files::read_landmarks,
-        random::Random,
+        maps::landmark_files::read_landmarks,
+        numerics::random::Random,
         text::Text,
     },
 };

@@ -10,7 +10,7 @@ use std::{
     time::Duration,
 };
 
-use sinew::kernels::random::Random;
+use sinew::kernels::numerics::random::Random;
 
 const TETRAHEDRON: &str =
     "OFF\n4 4 6\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";

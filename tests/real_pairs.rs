@@ -6,24 +6,32 @@
 use std::{collections::BTreeMap, path::PathBuf, time::Instant};
 
 use sinew::kernels::{
-    basis::Basis,
-    chirality::chirality,
-    descriptors::{DescriptorOptions, Descriptors, descriptors},
-    eigs::{Disconnected, EigsOptions, eigs},
-    exact_regressor::{RegressorOptions, exact_regressor},
-    fmap::{FitOptions, fit_functional_map},
+    geometry::mesh::{TriMesh, Vec3},
     io::{
         gltf::{GltfOptions, read_gltf},
         ply::read_ply,
     },
-    joint_error::{HeightAxis, JointErrors, joint_errors},
-    landmark_files::read_landmarks,
-    laplacian::{MassLumping, cotangent_laplacian},
-    map_quality::{coverage, orthogonality},
-    mesh::{TriMesh, Vec3},
-    skeleton::Skeleton,
-    skeleton_transfer::{spectral_regressor, transfer_by_functions, transfer_by_points},
-    zoomout::{ZoomOutOptions, zoomout},
+    maps::{
+        chirality::chirality,
+        fmap::{FitOptions, fit_functional_map},
+        landmark_files::read_landmarks,
+        map_quality::{coverage, orthogonality},
+        zoomout::{ZoomOutOptions, zoomout},
+    },
+    rigs::{
+        joint_error::{HeightAxis, JointErrors, joint_errors},
+        skeleton::Skeleton,
+    },
+    spectral::{
+        basis::Basis,
+        descriptors::{DescriptorOptions, Descriptors, descriptors},
+        eigs::{Disconnected, EigsOptions, eigs},
+        laplacian::{MassLumping, cotangent_laplacian},
+    },
+    transfer::{
+        exact_regressor::{RegressorOptions, exact_regressor},
+        skeleton_transfer::{spectral_regressor, transfer_by_functions, transfer_by_points},
+    },
 };
 
 /// A rigged `.glb` and, of another shape, a mesh with its true joints.

@@ -19,6 +19,25 @@ const MAY_IMPORT: [(&str, &[&str]); 5] = [
     ("report", &["report", "artifacts", "engine", "kernels"]),
 ];
 
+/// The folders of `src/kernels` from the ground up: each imports only those before it.
+const FLOORS: [&str; 15] = [
+    "numerics",
+    "geometry",
+    "spectral",
+    "rigs",
+    "table",
+    "io",
+    "remeshing",
+    "motion",
+    "curve_skeletons",
+    "sensors",
+    "maps",
+    "transfer",
+    "pictures",
+    "synthetic",
+    "matching",
+];
+
 /// Parts of the engine that are more than a contract: artifacts and nodes stay away from them.
 const CONTRACT: [&str; 5] = ["artifact", "digest", "library", "node", "program"];
 
@@ -111,6 +130,28 @@ fn imports_go_one_way() {
                     let file = file.strip_prefix(root()).unwrap().display();
                     bad.push(format!("{file}: `{folder}` may not import `{import}`"));
                 }
+            }
+        }
+    }
+    assert!(bad.is_empty(), "\n{}\n", bad.join("\n"));
+}
+
+#[test]
+fn kernels_are_built_on_floors() {
+    let kernels = root().join("src/kernels");
+    let folders = fs::read_dir(&kernels).unwrap().map(|it| it.unwrap());
+    let folders = folders.filter(|it| it.path().is_dir());
+    for folder in folders.map(|it| it.file_name().into_string().unwrap()) {
+        assert!(FLOORS.contains(&folder.as_str()), "`{folder}` has no place among the floors");
+    }
+    let mut bad = Vec::new();
+    for (floor, folder) in FLOORS.into_iter().enumerate() {
+        for file in rust_files(&kernels.join(folder)) {
+            let imports = imports(&file);
+            let others = imports.iter().filter_map(|it| it.strip_prefix("kernels::"));
+            for other in others.filter(|it| FLOORS[floor + 1..].contains(it)) {
+                let file = file.strip_prefix(root()).unwrap().display();
+                bad.push(format!("{file}: `{folder}` may not import `{other}`, which is above it"));
             }
         }
     }

@@ -2,7 +2,7 @@ use std::borrow::Cow;
 
 use super::matrix::{check_matrix, matrix, put_matrix};
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::basis::Basis;
+use crate::kernels::spectral::basis::Basis;
 
 impl Artifact for Basis {
     const TYPE: ArtifactType = ArtifactType {
@@ -148,6 +148,6 @@ mod tests {
         let value = artifact.clone().downcast::<Basis>().unwrap();
         assert_eq!(value.eigenvectors, basis().eigenvectors);
         assert_eq!(artifact.summary(), basis().summary());
-        assert!(artifact.downcast::<crate::kernels::mesh::TriMesh>().is_none());
+        assert!(artifact.downcast::<crate::kernels::geometry::mesh::TriMesh>().is_none());
     }
 }

@@ -2,7 +2,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 
 use super::mesh::{points, put_points};
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::clip::Clip;
+use crate::kernels::rigs::clip::Clip;
 
 impl Artifact for Clip {
     const TYPE: ArtifactType = ArtifactType {

@@ -1,5 +1,5 @@
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::correspondences::Correspondences;
+use crate::kernels::maps::correspondences::Correspondences;
 
 impl Artifact for Correspondences {
     const TYPE: ArtifactType = ArtifactType {

@@ -1,6 +1,6 @@
 use super::mesh::{points, put_points};
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::curve_skeleton::CurveSkeleton;
+use crate::kernels::curve_skeletons::curve_skeleton::CurveSkeleton;
 
 impl Artifact for CurveSkeleton {
     const TYPE: ArtifactType = ArtifactType {

@@ -1,5 +1,5 @@
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::depth::{DepthVideo, Intrinsics};
+use crate::kernels::sensors::depth::{DepthVideo, Intrinsics};
 
 impl Artifact for DepthVideo {
     const TYPE: ArtifactType = ArtifactType {

@@ -1,7 +1,7 @@
 use super::functional_map::{put_space, space};
 use super::matrix::{matrix, put_matrix, show_range};
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::descriptors::Descriptors;
+use crate::kernels::spectral::descriptors::Descriptors;
 
 impl Artifact for Descriptors {
     const TYPE: ArtifactType = ArtifactType {

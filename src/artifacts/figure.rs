@@ -1,8 +1,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder, Format};
-use crate::kernels::figure::{Figure, Look, Mark, draw_png, write_svg};
 use crate::kernels::io::png::write_png;
+use crate::kernels::pictures::figure::{Figure, Look, Mark, draw_png, write_svg};
 
 /// What the header says of one mark.
 #[derive(Serialize, Deserialize)]

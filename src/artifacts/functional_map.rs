@@ -1,6 +1,9 @@
 use super::matrix::{matrix, put_matrix, show_range};
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::functional_map::{FunctionSpace, FunctionalMap, MapSpaces};
+use crate::kernels::{
+    maps::functional_map::{FunctionalMap, MapSpaces},
+    spectral::function_space::FunctionSpace,
+};
 
 impl Artifact for FunctionalMap {
     const TYPE: ArtifactType = ArtifactType {

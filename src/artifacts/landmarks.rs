@@ -1,5 +1,5 @@
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::landmarks::Landmarks;
+use crate::kernels::geometry::landmarks::Landmarks;
 
 impl Artifact for Landmarks {
     const TYPE: ArtifactType = ArtifactType {

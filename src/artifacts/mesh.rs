@@ -1,4 +1,5 @@
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder, Format};
+use crate::kernels::geometry::mesh::{TriMesh, Vec3};
 use crate::kernels::io::{
     glb,
     gltf::GltfOptions,
@@ -6,7 +7,6 @@ use crate::kernels::io::{
     read::{EXTENSIONS, read_character},
     stl,
 };
-use crate::kernels::mesh::{TriMesh, Vec3};
 
 impl Artifact for TriMesh {
     const TYPE: ArtifactType = ArtifactType {

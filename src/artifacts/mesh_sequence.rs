@@ -1,7 +1,7 @@
 use super::mesh::{points, put_points};
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder, Format};
+use crate::kernels::geometry::mesh_sequence::MeshSequence;
 use crate::kernels::io::anime::{read_anime, write_anime};
-use crate::kernels::mesh_sequence::MeshSequence;
 
 impl Artifact for MeshSequence {
     const TYPE: ArtifactType = ArtifactType {

@@ -1,6 +1,6 @@
 use super::sparse::{csr, put_csr};
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::operator::Operator;
+use crate::kernels::spectral::operator::Operator;
 
 impl Artifact for Operator {
     const TYPE: ArtifactType = ArtifactType {

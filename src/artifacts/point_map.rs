@@ -1,5 +1,5 @@
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::functional_map::PointMap;
+use crate::kernels::maps::functional_map::PointMap;
 
 impl Artifact for PointMap {
     const TYPE: ArtifactType = ArtifactType {

@@ -1,7 +1,7 @@
 use super::skeleton::{parents, put_parents};
 use super::sparse::{csr, put_csr};
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::regressor::Regressor;
+use crate::kernels::transfer::regressor::Regressor;
 
 impl Artifact for Regressor {
     const TYPE: ArtifactType = ArtifactType {

@@ -2,7 +2,10 @@
 
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder, Format};
 use crate::kernels::io::glb::{GlbRig, GlbScene, write_glb};
-use crate::kernels::{clip::Clip, mesh::TriMesh, skeleton::Skeleton, weights::SkinWeights};
+use crate::kernels::{
+    geometry::mesh::TriMesh,
+    rigs::{clip::Clip, skeleton::Skeleton, weights::SkinWeights},
+};
 
 /// A skinned mesh, with motion if there is any.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,5 +1,5 @@
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::segment_map::{Segment, SegmentMap};
+use crate::kernels::rigs::segment_map::{Segment, SegmentMap};
 
 /// What a joint follows that follows nothing.
 const NOTHING: u32 = u32::MAX;

@@ -1,6 +1,6 @@
 use super::mesh::{points, put_points, show_point};
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::skeleton::Skeleton;
+use crate::kernels::rigs::skeleton::Skeleton;
 
 impl Artifact for Skeleton {
     const TYPE: ArtifactType = ArtifactType {

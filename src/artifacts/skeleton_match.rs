@@ -1,5 +1,5 @@
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::skeleton_match::{MatchedBranch, SkeletonMatch};
+use crate::kernels::matching::skeleton_match::{MatchedBranch, SkeletonMatch};
 
 impl Artifact for SkeletonMatch {
     const TYPE: ArtifactType = ArtifactType {

@@ -1,7 +1,7 @@
 //! Sparse matrices as arrays, by rows.
 
 use crate::engine::artifact::{DecodeError, Decoder, Encoder};
-use crate::kernels::sparse::CsrMatrix;
+use crate::kernels::numerics::sparse::CsrMatrix;
 
 /// Writes a sparse matrix as `offsets`, `columns`, `values` and the text `shape`.
 pub fn put_csr<'a>(to: &mut Encoder<'a>, matrix: &'a CsrMatrix) {

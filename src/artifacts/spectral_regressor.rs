@@ -2,7 +2,7 @@ use super::functional_map::{put_space, space};
 use super::matrix::{matrix, put_matrix, show_range};
 use super::skeleton::{parents, put_parents};
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::regressor::SpectralRegressor;
+use crate::kernels::transfer::regressor::SpectralRegressor;
 
 impl Artifact for SpectralRegressor {
     const TYPE: ArtifactType = ArtifactType {

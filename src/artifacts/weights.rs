@@ -1,5 +1,5 @@
 use crate::engine::artifact::{Artifact, ArtifactType, DecodeError, Decoder, Encoder};
-use crate::kernels::weights::SkinWeights;
+use crate::kernels::rigs::weights::SkinWeights;
 
 impl Artifact for SkinWeights {
     const TYPE: ArtifactType = ArtifactType {

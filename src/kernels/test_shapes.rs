@@ -2,11 +2,15 @@
 
 use faer::{Mat, Side};
 
-use super::{
-    basis::Basis,
-    laplacian::{MassLumping, cotangent_laplacian},
-    mesh::{TriMesh, Vec3},
-    shapes::geodesic_sphere,
+use crate::kernels::{
+    geometry::{
+        mesh::{TriMesh, Vec3},
+        shapes::geodesic_sphere,
+    },
+    spectral::{
+        basis::Basis,
+        laplacian::{MassLumping, cotangent_laplacian},
+    },
 };
 
 /// Vertices that are spread over [`creature`].

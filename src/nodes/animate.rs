@@ -4,14 +4,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::animate::{Blending, animate};
-use crate::kernels::clip::Clip;
-use crate::kernels::fit_clip::fit_clip;
-use crate::kernels::mesh::TriMesh;
-use crate::kernels::mesh_sequence::MeshSequence;
-use crate::kernels::retarget::retarget;
-use crate::kernels::skeleton::Skeleton;
-use crate::kernels::weights::SkinWeights;
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::geometry::mesh_sequence::MeshSequence;
+use crate::kernels::motion::animate::{Blending, animate};
+use crate::kernels::motion::fit_clip::fit_clip;
+use crate::kernels::motion::retarget::retarget;
+use crate::kernels::rigs::clip::Clip;
+use crate::kernels::rigs::skeleton::Skeleton;
+use crate::kernels::rigs::weights::SkinWeights;
 
 /// Moves a rigged mesh by a clip.
 ///

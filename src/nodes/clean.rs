@@ -6,8 +6,11 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{
     Input, Node, NodeError, NodeIo, OptionalInput, OptionalOutput, Output, Spec,
 };
-use crate::kernels::clean::{CleanOptions, CleanReport, Keep, Nonmanifold, clean};
-use crate::kernels::{landmarks::Landmarks, mesh::TriMesh, weights::SkinWeights};
+use crate::kernels::remeshing::clean::{CleanOptions, CleanReport, Keep, Nonmanifold, clean};
+use crate::kernels::{
+    geometry::{landmarks::Landmarks, mesh::TriMesh},
+    rigs::weights::SkinWeights,
+};
 
 /// Repairs a mesh: welds vertices, drops degenerate and repeated faces and stray vertices, resolves
 /// non-manifold places, keeps the largest part, turns faces outward, fills small holes.

@@ -6,12 +6,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Inputs, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::functional_map::FunctionalMap;
-use crate::kernels::regressor::SpectralRegressor;
-use crate::kernels::regressor_bands::{
+use crate::kernels::maps::functional_map::FunctionalMap;
+use crate::kernels::table::{Column, Table};
+use crate::kernels::transfer::regressor::SpectralRegressor;
+use crate::kernels::transfer::regressor_bands::{
     PairDifference, bands, carried_regressor, compare_regressors,
 };
-use crate::kernels::table::{Column, Table};
 
 /// Compares the regressors that maps carry over to different targets, by bands of frequencies.
 ///

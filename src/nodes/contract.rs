@@ -4,14 +4,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::contract::{
+use crate::kernels::curve_skeletons::contract::{
     CollapseOptions, ContractOptions, ContractionSkeleton, FinishOptions, Neighbors, RingSize,
     Schedule, Stop, coarse_contraction, finish,
 };
-use crate::kernels::curve_skeleton::CurveSkeleton;
-use crate::kernels::mesh::TriMesh;
-use crate::kernels::skeleton_cleanup::PruneOptions;
-use crate::kernels::skeleton_placement::PlacementOptions;
+use crate::kernels::curve_skeletons::curve_skeleton::CurveSkeleton;
+use crate::kernels::curve_skeletons::skeleton_cleanup::PruneOptions;
+use crate::kernels::curve_skeletons::skeleton_placement::PlacementOptions;
+use crate::kernels::geometry::mesh::TriMesh;
 use crate::kernels::table::{Column, Table};
 
 /// Extracts curve skeletons by contraction, of surfaces and of point clouds.

@@ -4,8 +4,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, InputFile, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::correspondences::{Correspondences, closest_places, read_correspondences};
-use crate::kernels::mesh::TriMesh;
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::maps::correspondences::{
+    Correspondences, closest_places, read_correspondences,
+};
 
 /// Says where every vertex of a mesh lies on the surface of a reference: the truth about a map.
 ///

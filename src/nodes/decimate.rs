@@ -6,8 +6,11 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{
     Input, Node, NodeError, NodeIo, OptionalInput, OptionalOutput, Output, Spec,
 };
-use crate::kernels::decimate::{DecimateOptions, decimate};
-use crate::kernels::{landmarks::Landmarks, mesh::TriMesh, weights::SkinWeights};
+use crate::kernels::remeshing::decimate::{DecimateOptions, decimate};
+use crate::kernels::{
+    geometry::{landmarks::Landmarks, mesh::TriMesh},
+    rigs::weights::SkinWeights,
+};
 
 /// Makes a mesh coarser by collapsing edges in the order of their quadric error.
 ///

@@ -4,10 +4,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::deformation_error::{FrameError, deformation_errors, height};
-use crate::kernels::joint_error::HeightAxis;
-use crate::kernels::mesh::TriMesh;
-use crate::kernels::mesh_sequence::MeshSequence;
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::geometry::mesh_sequence::MeshSequence;
+use crate::kernels::motion::deformation_error::{FrameError, deformation_errors, height};
+use crate::kernels::rigs::joint_error::HeightAxis;
 use crate::kernels::table::{Column, Table};
 
 /// Measures how far an animation is from the same mesh animated by its true rig.

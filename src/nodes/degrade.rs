@@ -6,9 +6,12 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{
     Input, Node, NodeError, NodeIo, OptionalInput, OptionalOutput, Output, Spec,
 };
-use crate::kernels::degrade::{DegradeOptions, degrade};
-use crate::kernels::mesh::Vec3;
-use crate::kernels::{landmarks::Landmarks, mesh::TriMesh, weights::SkinWeights};
+use crate::kernels::geometry::mesh::Vec3;
+use crate::kernels::synthetic::degrade::{DegradeOptions, degrade};
+use crate::kernels::{
+    geometry::{landmarks::Landmarks, mesh::TriMesh},
+    rigs::weights::SkinWeights,
+};
 
 /// Makes a mesh as bad as a scan: clothes, grown-together parts, hidden sides, holes, noise.
 ///

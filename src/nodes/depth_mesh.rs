@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::depth::DepthVideo;
-use crate::kernels::depth::mesh::depth_mesh;
-use crate::kernels::mesh::TriMesh;
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::sensors::depth::DepthVideo;
+use crate::kernels::sensors::depth::mesh::depth_mesh;
 
 /// Makes the surface that a frame of a depth video shows: neighbouring pixels joined to triangles.
 ///

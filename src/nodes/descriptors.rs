@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::basis::Basis;
-use crate::kernels::descriptors::{DescriptorOptions, Descriptors, descriptors};
-use crate::kernels::landmarks::Landmarks;
+use crate::kernels::geometry::landmarks::Landmarks;
+use crate::kernels::spectral::basis::Basis;
+use crate::kernels::spectral::descriptors::{DescriptorOptions, Descriptors, descriptors};
 
 /// Computes functions that look alike at corresponding points of similar shapes.
 ///

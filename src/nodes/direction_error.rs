@@ -4,10 +4,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::clip::Clip;
-use crate::kernels::direction_error::{DirectionError, direction_errors};
-use crate::kernels::segment_map::SegmentMap;
-use crate::kernels::skeleton::Skeleton;
+use crate::kernels::motion::direction_error::{DirectionError, direction_errors};
+use crate::kernels::rigs::clip::Clip;
+use crate::kernels::rigs::segment_map::SegmentMap;
+use crate::kernels::rigs::skeleton::Skeleton;
 use crate::kernels::table::{Column, Table};
 
 /// Measures how far the bones of a transferred motion point away from those that they follow.

@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::eigs::{Disconnected, EigsOptions, eigs};
-use crate::kernels::{basis::Basis, operator::Operator};
+use crate::kernels::spectral::eigs::{Disconnected, EigsOptions, eigs};
+use crate::kernels::spectral::{basis::Basis, operator::Operator};
 
 /// Computes the smallest eigenpairs of a Laplace-Beltrami operator.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]

@@ -5,9 +5,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::embed::{EmbedOptions, Embedding, GiveUp, TERM_NAMES, Terms, embed};
-use crate::kernels::mesh::TriMesh;
-use crate::kernels::skeleton::Skeleton;
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::rigs::embed::{EmbedOptions, Embedding, GiveUp, TERM_NAMES, Terms, embed};
+use crate::kernels::rigs::skeleton::Skeleton;
 use crate::kernels::table::{Column, Table};
 
 /// Puts a skeleton into another body (Pinocchio, with the changes of Transfer4D).

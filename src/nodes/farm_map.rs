@@ -4,12 +4,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::basis::Basis;
-use crate::kernels::descriptors::Descriptors;
-use crate::kernels::farm_map::{FarmOptions, farm_map};
-use crate::kernels::fmap::FitOptions;
-use crate::kernels::functional_map::FunctionalMap;
-use crate::kernels::mesh::TriMesh;
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::maps::farm_map::{FarmOptions, farm_map};
+use crate::kernels::maps::fmap::FitOptions;
+use crate::kernels::maps::functional_map::FunctionalMap;
+use crate::kernels::spectral::basis::Basis;
+use crate::kernels::spectral::descriptors::Descriptors;
 use crate::kernels::table::{Column, Table};
 
 /// Fits the functional map of FARM, a baseline: few eigenfunctions, and more of the source than of the

@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::fit_surface::{FitSurfaceOptions, Gap, fit_surface, gap};
-use crate::kernels::functional_map::PointMap;
-use crate::kernels::mesh::TriMesh;
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::maps::fit_surface::{FitSurfaceOptions, Gap, fit_surface, gap};
+use crate::kernels::maps::functional_map::PointMap;
 use crate::kernels::table::{Column, Table};
 
 /// Lays the source's surface onto the target, beginning with matches of their vertices.

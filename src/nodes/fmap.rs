@@ -4,11 +4,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::adam::AdamOptions;
-use crate::kernels::basis::Basis;
-use crate::kernels::descriptors::Descriptors;
-use crate::kernels::fmap::{FitOptions, Solver, fit_functional_map};
-use crate::kernels::functional_map::FunctionalMap;
+use crate::kernels::maps::fmap::{FitOptions, Solver, fit_functional_map};
+use crate::kernels::maps::functional_map::FunctionalMap;
+use crate::kernels::numerics::adam::AdamOptions;
+use crate::kernels::spectral::basis::Basis;
+use crate::kernels::spectral::descriptors::Descriptors;
 
 /// How the minimum of the energy is looked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]

@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::basis::Basis;
-use crate::kernels::functional_map::{FunctionalMap, PointMap};
-use crate::kernels::icp_refine::{IcpOptions, icp_refine};
+use crate::kernels::maps::functional_map::{FunctionalMap, PointMap};
+use crate::kernels::maps::icp_refine::{IcpOptions, icp_refine};
+use crate::kernels::spectral::basis::Basis;
 use crate::kernels::table::{Column, Table};
 
 /// Makes a functional map orthogonal, by matching points and solving for the map in turns.

@@ -4,10 +4,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Inputs, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::joint_detection::{Detection, DetectionOptions, joint_detection};
-use crate::kernels::joint_error::{HeightAxis, height};
-use crate::kernels::mesh::{TriMesh, Vec3};
-use crate::kernels::skeleton::Skeleton;
+use crate::kernels::geometry::mesh::{TriMesh, Vec3};
+use crate::kernels::matching::joint_detection::{Detection, DetectionOptions, joint_detection};
+use crate::kernels::rigs::joint_error::{HeightAxis, height};
+use crate::kernels::rigs::skeleton::Skeleton;
 use crate::kernels::table::{Column, Table};
 
 /// Measures how many of the joints that move were detected, and how near.

@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::joint_error::{HeightAxis, JointErrors, joint_errors};
-use crate::kernels::mesh::TriMesh;
-use crate::kernels::skeleton::Skeleton;
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::rigs::joint_error::{HeightAxis, JointErrors, joint_errors};
+use crate::kernels::rigs::skeleton::Skeleton;
 use crate::kernels::table::{Column, Table};
 
 /// Measures how far estimated joints are from the true ones.

@@ -6,12 +6,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInputs, Output, Spec};
-use crate::kernels::clip::Clip;
-use crate::kernels::find_joints::{Joint, JointOptions, add_images, find_joints, joint_skeleton};
-use crate::kernels::fit_clip::world_positions;
-use crate::kernels::fit_joints::{FitOptions, fit_joints};
-use crate::kernels::mesh::{TriMesh, Vec3};
-use crate::kernels::skeleton::Skeleton;
+use crate::kernels::geometry::mesh::{TriMesh, Vec3};
+use crate::kernels::matching::find_joints::{
+    Joint, JointOptions, add_images, find_joints, joint_skeleton,
+};
+use crate::kernels::matching::fit_joints::{FitOptions, fit_joints};
+use crate::kernels::motion::fit_clip::world_positions;
+use crate::kernels::rigs::clip::Clip;
+use crate::kernels::rigs::skeleton::Skeleton;
 use crate::kernels::table::{Column, Table};
 
 /// Finds the joints of a figure from its skeleton in several poses.

@@ -4,10 +4,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::joint_error::HeightAxis;
-use crate::kernels::landmark_error::{LandmarkErrors, landmark_errors};
-use crate::kernels::landmarks::Landmarks;
-use crate::kernels::mesh::TriMesh;
+use crate::kernels::geometry::landmarks::Landmarks;
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::maps::landmark_error::{LandmarkErrors, landmark_errors};
+use crate::kernels::rigs::joint_error::HeightAxis;
 use crate::kernels::table::{Column, Table};
 
 /// Measures how far landmarks are from the true ones, and whether left and right (or front and back)

@@ -4,12 +4,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{InputFile, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::landmark_files::read_landmarks;
-use crate::kernels::landmarks::Landmarks;
-use crate::kernels::mesh::{TriMesh, Vec3};
-use crate::kernels::rig_landmarks::{LandmarkPick, PickDirection, rig_landmarks};
-use crate::kernels::skeleton::Skeleton;
-use crate::kernels::weights::SkinWeights;
+use crate::kernels::geometry::landmarks::Landmarks;
+use crate::kernels::geometry::mesh::{TriMesh, Vec3};
+use crate::kernels::maps::landmark_files::read_landmarks;
+use crate::kernels::maps::rig_landmarks::{LandmarkPick, PickDirection, rig_landmarks};
+use crate::kernels::rigs::skeleton::Skeleton;
+use crate::kernels::rigs::weights::SkinWeights;
 
 /// A direction in which the farthest vertex is looked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]

@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::landmarks::Landmarks;
-use crate::kernels::landmarks_auto::{BodyPlan, FindOptions, Finding, find_landmarks};
-use crate::kernels::mesh::{TriMesh, Vec3};
+use crate::kernels::geometry::landmarks::Landmarks;
+use crate::kernels::geometry::mesh::{TriMesh, Vec3};
+use crate::kernels::maps::landmarks_auto::{BodyPlan, FindOptions, Finding, find_landmarks};
 use crate::kernels::table::{Column, Table};
 
 /// Finds the landmarks of a body without a rig: head, hands, feet, and the front and back of its chest.

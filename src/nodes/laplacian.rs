@@ -4,10 +4,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::cloud_laplacian::{CloudOptions, CloudReport, cloud_laplacian};
-use crate::kernels::laplacian::{MassLumping, cotangent_laplacian};
-use crate::kernels::tufted::{TuftedReport, tufted_laplacian};
-use crate::kernels::{mesh::TriMesh, operator::Operator};
+use crate::kernels::spectral::cloud_laplacian::{CloudOptions, CloudReport, cloud_laplacian};
+use crate::kernels::spectral::laplacian::{MassLumping, cotangent_laplacian};
+use crate::kernels::spectral::tufted::{TuftedReport, tufted_laplacian};
+use crate::kernels::{geometry::mesh::TriMesh, spectral::operator::Operator};
 
 /// Assembles the Laplace-Beltrami operator of a mesh or of a point cloud.
 ///

@@ -9,16 +9,14 @@ use crate::engine::node::{
     InputFile, Node, NodeError, NodeIo, OptionalInput, OptionalOutput, Output, Spec, extension_of,
 };
 use crate::kernels::{
-    clip::Clip,
     files::FileSet,
+    geometry::mesh::TriMesh,
     io::{
         character::Character,
         gltf::{GltfOptions, RestPose, external_buffers},
         read::{EXTENSIONS, read_character},
     },
-    mesh::TriMesh,
-    skeleton::Skeleton,
-    weights::SkinWeights,
+    rigs::{clip::Clip, skeleton::Skeleton, weights::SkinWeights},
 };
 
 /// Reads a mesh from a file, and its skeleton, weights and a clip where the file has them.

@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{
     InputFile, Node, NodeError, NodeIo, OptionalInput, OptionalOutput, Output, Spec, extension_of,
 };
-use crate::kernels::depth::files::{CameraNotes, video_of};
-use crate::kernels::depth::names::{missing_pictures, natural_order};
-use crate::kernels::depth::{DepthVideo, read::EXTENSIONS};
 use crate::kernels::files::FileSet;
+use crate::kernels::geometry::mesh_sequence::MeshSequence;
 use crate::kernels::io::anime::read_anime;
-use crate::kernels::mesh_sequence::MeshSequence;
+use crate::kernels::sensors::depth::files::{CameraNotes, video_of};
+use crate::kernels::sensors::depth::names::{missing_pictures, natural_order};
+use crate::kernels::sensors::depth::{DepthVideo, read::EXTENSIONS};
 
 /// Reads a depth video: pictures of a folder in the order of their names.
 ///

@@ -9,7 +9,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{InputFile, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
 use crate::kernels::io::bvh::{Motion, read_bvh};
-use crate::kernels::{clip::Clip, files::FileSet, mesh::Vec3, skeleton::Skeleton};
+use crate::kernels::{
+    files::FileSet,
+    geometry::mesh::Vec3,
+    rigs::{clip::Clip, skeleton::Skeleton},
+};
 
 /// Reads a motion from a motion capture file (`.bvh`).
 ///

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{InputFile, Node, NodeError, NodeIo, Output, Spec};
 use crate::kernels::io::skeleton_file::read_skeleton;
-use crate::kernels::skeleton::Skeleton;
+use crate::kernels::rigs::skeleton::Skeleton;
 
 /// Reads joints from a file that has no mesh: ground truth, or the result of another program.
 ///

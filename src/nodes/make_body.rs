@@ -6,11 +6,9 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalOutput, Output, Spec};
 use crate::kernels::{
     files::FileSet,
-    landmarks::Landmarks,
-    make_body::{BodyParameters, HeightTargets, make_body},
-    mesh::TriMesh,
-    skeleton::Skeleton,
-    weights::SkinWeights,
+    geometry::{landmarks::Landmarks, mesh::TriMesh},
+    rigs::{skeleton::Skeleton, weights::SkinWeights},
+    synthetic::make_body::{BodyParameters, HeightTargets, make_body},
 };
 
 /// Makes a rigged adult or child from MakeHuman's base mesh and macro targets (CC0).

@@ -6,16 +6,16 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::basis::Basis;
-use crate::kernels::chirality::chirality;
-use crate::kernels::correspondences::Correspondences;
-use crate::kernels::functional_map::{FunctionalMap, PointMap};
-use crate::kernels::map_quality::{
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::maps::chirality::chirality;
+use crate::kernels::maps::correspondences::Correspondences;
+use crate::kernels::maps::functional_map::{FunctionalMap, PointMap};
+use crate::kernels::maps::map_quality::{
     area_under_curve, band_energy, coverage, dirichlet_energy, error_curve, geodesic_errors,
     inverse_geodesic_errors, orthogonality, return_distances, weighted_mean,
 };
-use crate::kernels::mesh::TriMesh;
-use crate::kernels::point_map::check;
+use crate::kernels::maps::point_map::check;
+use crate::kernels::spectral::basis::Basis;
 use crate::kernels::table::{Column, Table};
 
 /// Measures how good a map between two shapes is, as far as its inputs tell.

@@ -4,12 +4,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::mesh::Vec3;
-use crate::kernels::skeleton::Skeleton;
-use crate::kernels::skeleton_match::{
+use crate::kernels::geometry::mesh::Vec3;
+use crate::kernels::matching::skeleton_match::{
     MatchOptions, Partial, Ranking, Rating, SkeletonGraph, SkeletonMatch, collapse,
     default_tolerance, match_skeletons,
 };
+use crate::kernels::rigs::skeleton::Skeleton;
 use crate::kernels::table::{Column, Table};
 
 /// Finds which joints and branches of two skeletons belong together.

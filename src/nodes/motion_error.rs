@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::mesh_sequence::MeshSequence;
-use crate::kernels::motion_error::{MotionErrors, motion_errors};
+use crate::kernels::geometry::mesh_sequence::MeshSequence;
+use crate::kernels::motion::motion_error::{MotionErrors, motion_errors};
 use crate::kernels::table::{Column, Table};
 
 /// Measures how far a transferred motion is from the true one, and how many joints found a place.

@@ -5,17 +5,17 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::clip::Clip;
-use crate::kernels::curve_skeleton::CurveSkeleton;
-use crate::kernels::mesh::{TriMesh, Vec3};
-use crate::kernels::mesh_sequence::MeshSequence;
-use crate::kernels::motion_skeleton::{
+use crate::kernels::curve_skeletons::curve_skeleton::CurveSkeleton;
+use crate::kernels::curve_skeletons::motion_skeleton::{
     JointMotion, MotionSkeleton, MotionSkeletonOptions, motion_skeleton,
 };
-use crate::kernels::skeleton::Skeleton;
-use crate::kernels::ssdr::SsdrOptions;
+use crate::kernels::geometry::mesh::{TriMesh, Vec3};
+use crate::kernels::geometry::mesh_sequence::MeshSequence;
+use crate::kernels::rigs::clip::Clip;
+use crate::kernels::rigs::skeleton::Skeleton;
+use crate::kernels::rigs::ssdr::SsdrOptions;
+use crate::kernels::rigs::weights::SkinWeights;
 use crate::kernels::table::{Column, Table};
-use crate::kernels::weights::SkinWeights;
 
 /// Makes a skeleton in motion from a tracked surface and its curve skeleton: joints are where curves
 /// branch and end, and where the surface bends.

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{
     Input, Node, NodeError, NodeIo, OptionalInput, OptionalOutput, Output, Spec,
 };
-use crate::kernels::normalize::{UnitSize, normalize};
-use crate::kernels::{mesh::TriMesh, skeleton::Skeleton};
+use crate::kernels::remeshing::normalize::{UnitSize, normalize};
+use crate::kernels::{geometry::mesh::TriMesh, rigs::skeleton::Skeleton};
 
 /// Moves a mesh's area centroid to the origin and scales it to a unit size.
 ///

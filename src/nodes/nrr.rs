@@ -4,10 +4,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::depth::DepthVideo;
-use crate::kernels::mesh::TriMesh;
-use crate::kernels::mesh_sequence::MeshSequence;
-use crate::kernels::registration::{
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::geometry::mesh_sequence::MeshSequence;
+use crate::kernels::sensors::depth::DepthVideo;
+use crate::kernels::sensors::registration::{
     FrameReport, NrrOptions, PaperOptions, Solver, SourceOptions, source_mesh, track,
 };
 use crate::kernels::table::{Column, Table};

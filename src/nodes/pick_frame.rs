@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::mesh::{TriMesh, Vec3};
-use crate::kernels::mesh_sequence::MeshSequence;
+use crate::kernels::geometry::mesh::{TriMesh, Vec3};
+use crate::kernels::geometry::mesh_sequence::MeshSequence;
 
 /// Takes one frame of a mesh sequence.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Labelled, LabelledInputs, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::figure::{
+use crate::kernels::pictures::figure::{
     Band, Figure, FigureOptions, Legend, ReferenceLine, Scale, Style, draw_figure,
 };
 use crate::kernels::table::{Condition, Part, Table, select_rows, stack};

@@ -6,11 +6,11 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{
     Input, Node, NodeError, NodeIo, OptionalInput, OptionalOutput, Output, Spec,
 };
-use crate::kernels::mesh::{TriMesh, Vec3};
-use crate::kernels::random::Random;
-use crate::kernels::resampled::Resampled;
-use crate::kernels::sample_points::{SampleOptions, Spread, sample_points};
-use crate::kernels::{landmarks::Landmarks, weights::SkinWeights};
+use crate::kernels::geometry::mesh::{TriMesh, Vec3};
+use crate::kernels::numerics::random::Random;
+use crate::kernels::remeshing::resampled::Resampled;
+use crate::kernels::remeshing::sample_points::{SampleOptions, Spread, sample_points};
+use crate::kernels::{geometry::landmarks::Landmarks, rigs::weights::SkinWeights};
 
 /// Makes a point cloud of a mesh: its vertices, or points of its surface.
 ///

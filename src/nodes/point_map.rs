@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::basis::Basis;
-use crate::kernels::functional_map::{FunctionalMap, PointMap};
-use crate::kernels::point_map::{check, inverse_point_map, point_map};
+use crate::kernels::maps::functional_map::{FunctionalMap, PointMap};
+use crate::kernels::maps::point_map::{check, inverse_point_map, point_map};
+use crate::kernels::spectral::basis::Basis;
 
 /// Which shape's vertices get matches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]

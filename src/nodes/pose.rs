@@ -6,10 +6,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::fit_clip::world_positions;
-use crate::kernels::pose::{Turn, TurnRange, pose, random_turns};
-use crate::kernels::skinning::{SkinningError, skin};
-use crate::kernels::{clip::Clip, mesh::TriMesh, skeleton::Skeleton, weights::SkinWeights};
+use crate::kernels::motion::fit_clip::world_positions;
+use crate::kernels::motion::pose::{Turn, TurnRange, pose, random_turns};
+use crate::kernels::rigs::skinning::{SkinningError, skin};
+use crate::kernels::{
+    geometry::mesh::TriMesh,
+    rigs::{clip::Clip, skeleton::Skeleton, weights::SkinWeights},
+};
 
 /// Poses a rigged mesh by the angles of its joints, or as in a frame of a clip.
 ///

@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::depth::DepthVideo;
-use crate::kernels::mesh_sequence::MeshSequence;
-use crate::kernels::registration::error::{FrameError, registration_errors};
+use crate::kernels::geometry::mesh_sequence::MeshSequence;
+use crate::kernels::sensors::depth::DepthVideo;
+use crate::kernels::sensors::registration::error::{FrameError, registration_errors};
 use crate::kernels::table::{Column, Table};
 
 /// Measures how well a surface was tracked through a depth video.

@@ -4,17 +4,17 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::adam_regressor::{RegressorEnergy, adam_regressor};
-use crate::kernels::avril_regressor::avril_regressor;
-use crate::kernels::convex_regressor::convex_regressor;
-use crate::kernels::exact_regressor::exact_regressor;
-use crate::kernels::mesh::TriMesh;
-use crate::kernels::pose_regressor::{PoseRegressorOptions, pose_regressor};
-use crate::kernels::regressor::Regressor;
-use crate::kernels::regressor_masks::{MaskRule, RegressorOptions, RootRule, RowReport};
-use crate::kernels::skeleton::Skeleton;
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::rigs::skeleton::Skeleton;
+use crate::kernels::rigs::weights::SkinWeights;
 use crate::kernels::table::{Column, Table};
-use crate::kernels::weights::SkinWeights;
+use crate::kernels::transfer::adam_regressor::{RegressorEnergy, adam_regressor};
+use crate::kernels::transfer::avril_regressor::avril_regressor;
+use crate::kernels::transfer::convex_regressor::convex_regressor;
+use crate::kernels::transfer::exact_regressor::exact_regressor;
+use crate::kernels::transfer::pose_regressor::{PoseRegressorOptions, pose_regressor};
+use crate::kernels::transfer::regressor::Regressor;
+use crate::kernels::transfer::regressor_masks::{MaskRule, RegressorOptions, RootRule, RowReport};
 
 /// How rows are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]

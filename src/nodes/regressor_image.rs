@@ -4,11 +4,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::functional_map::FunctionalMap;
 use crate::kernels::image::Image;
-use crate::kernels::matrix_image::{MatrixImageOptions, matrix_image};
-use crate::kernels::regressor::SpectralRegressor;
-use crate::kernels::regressor_bands::carried_regressor;
+use crate::kernels::maps::functional_map::FunctionalMap;
+use crate::kernels::pictures::matrix_image::{MatrixImageOptions, matrix_image};
+use crate::kernels::transfer::regressor::SpectralRegressor;
+use crate::kernels::transfer::regressor_bands::carried_regressor;
 
 /// Draws a spectral regressor: a row a joint, a column an eigenfunction, entries squared.
 ///

@@ -6,8 +6,13 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{
     Input, Node, NodeError, NodeIo, OptionalInput, OptionalOutput, Output, Spec,
 };
-use crate::kernels::remesh_surface::{self as kernel, RemeshSurfaceOptions, remesh_surface};
-use crate::kernels::{landmarks::Landmarks, mesh::TriMesh, weights::SkinWeights};
+use crate::kernels::remeshing::remesh_surface::{
+    self as kernel, RemeshSurfaceOptions, remesh_surface,
+};
+use crate::kernels::{
+    geometry::{landmarks::Landmarks, mesh::TriMesh},
+    rigs::weights::SkinWeights,
+};
 
 /// Covers a closed surface with other triangles, in random order: independent connectivity.
 ///

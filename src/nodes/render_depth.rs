@@ -4,15 +4,15 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Node, NodeError, NodeIo, OptionalInput, OptionalOutput, Output, Spec};
-use crate::kernels::depth::camera::Orbit;
-use crate::kernels::depth::film::{FilmOptions, film, move_sequence};
-use crate::kernels::depth::noise::NoiseModel;
-use crate::kernels::depth::{DepthVideo, Intrinsics};
-use crate::kernels::mesh::Vec3;
-use crate::kernels::skinning::{skin, world_from_joint};
+use crate::kernels::geometry::mesh::Vec3;
+use crate::kernels::rigs::skinning::{skin, world_from_joint};
+use crate::kernels::sensors::depth::camera::Orbit;
+use crate::kernels::sensors::depth::film::{FilmOptions, film, move_sequence};
+use crate::kernels::sensors::depth::noise::NoiseModel;
+use crate::kernels::sensors::depth::{DepthVideo, Intrinsics};
 use crate::kernels::{
-    clip::Clip, mesh::TriMesh, mesh_sequence::MeshSequence, skeleton::Skeleton,
-    weights::SkinWeights,
+    geometry::{mesh::TriMesh, mesh_sequence::MeshSequence},
+    rigs::{clip::Clip, skeleton::Skeleton, weights::SkinWeights},
 };
 
 /// Films a moving body with a simulated depth camera, and tells what is true in the film.

@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::clip::Clip;
-use crate::kernels::quaternion_spline::Keys;
-use crate::kernels::resample_clip::{ResampleClipOptions, resample_clip};
+use crate::kernels::motion::quaternion_spline::Keys;
+use crate::kernels::motion::resample_clip::{ResampleClipOptions, resample_clip};
+use crate::kernels::rigs::clip::Clip;
 
 /// Lays smooth curves through keys of a clip and samples them at another rate.
 ///

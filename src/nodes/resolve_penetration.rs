@@ -7,14 +7,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::clip::Clip;
-use crate::kernels::mesh::{TriMesh, Vec3};
-use crate::kernels::resolve_penetration::{
+use crate::kernels::geometry::mesh::{TriMesh, Vec3};
+use crate::kernels::motion::resolve_penetration::{
     Crossings, KeyReport, ResolvePenetrationOptions, ResolvedPenetration, resolve_penetration,
 };
-use crate::kernels::skeleton::Skeleton;
+use crate::kernels::rigs::clip::Clip;
+use crate::kernels::rigs::skeleton::Skeleton;
+use crate::kernels::rigs::weights::SkinWeights;
 use crate::kernels::table::{Column, Table};
-use crate::kernels::weights::SkinWeights;
 
 /// Turns joints back where a body passes through itself in a motion.
 ///

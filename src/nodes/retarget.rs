@@ -5,11 +5,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::clip::Clip;
-use crate::kernels::kabsch::best_rotation;
-use crate::kernels::mesh::Vec3;
-use crate::kernels::retarget_bones::{BoneMotion, RetargetOptions, RootMotion, retarget_bones};
-use crate::kernels::skeleton::Skeleton;
+use crate::kernels::geometry::kabsch::best_rotation;
+use crate::kernels::geometry::mesh::Vec3;
+use crate::kernels::motion::retarget_bones::{
+    BoneMotion, RetargetOptions, RootMotion, retarget_bones,
+};
+use crate::kernels::rigs::clip::Clip;
+use crate::kernels::rigs::skeleton::Skeleton;
 
 /// Moves a skeleton like another one, from where the other's joints are.
 ///

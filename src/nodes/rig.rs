@@ -5,9 +5,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::artifacts::Rig;
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::fit_clip::fit_clip;
-use crate::kernels::limit_influences::limit_influences;
-use crate::kernels::{clip::Clip, mesh::TriMesh, skeleton::Skeleton, weights::SkinWeights};
+use crate::kernels::motion::fit_clip::fit_clip;
+use crate::kernels::rigs::limit_influences::limit_influences;
+use crate::kernels::{
+    geometry::mesh::TriMesh,
+    rigs::{clip::Clip, skeleton::Skeleton, weights::SkinWeights},
+};
 
 /// Puts a mesh, a skeleton, skin weights and a clip together: what is exported as `.glb`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -98,8 +101,8 @@ mod tests {
     use super::*;
     use crate::engine::artifact::{AnyArtifact, Artifact};
     use crate::engine::node::{NodeOutputs, PortInputs, Surroundings};
-    use crate::kernels::mesh::Vec3;
-    use crate::kernels::shapes::icosphere;
+    use crate::kernels::geometry::mesh::Vec3;
+    use crate::kernels::geometry::shapes::icosphere;
 
     fn skeleton(n_joints: usize) -> Skeleton {
         let names = (0..n_joints).map(|it| format!("joint{it}")).collect();

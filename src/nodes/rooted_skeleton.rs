@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::curve_skeleton::CurveSkeleton;
-use crate::kernels::rooted_skeleton::rooted_skeleton;
-use crate::kernels::skeleton::Skeleton;
+use crate::kernels::curve_skeletons::curve_skeleton::CurveSkeleton;
+use crate::kernels::curve_skeletons::rooted_skeleton::rooted_skeleton;
+use crate::kernels::rigs::skeleton::Skeleton;
 
 /// Makes a skeleton of named joints from a curve skeleton: with a root and parents.
 ///

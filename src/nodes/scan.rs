@@ -6,9 +6,12 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{
     Input, Node, NodeError, NodeIo, OptionalInput, OptionalOutput, Output, Spec,
 };
-use crate::kernels::scan::{self, ScanOptions, Station};
+use crate::kernels::sensors::scan::{self, ScanOptions, Station};
 use crate::kernels::table::{Column, Table};
-use crate::kernels::{landmarks::Landmarks, mesh::TriMesh, weights::SkinWeights};
+use crate::kernels::{
+    geometry::{landmarks::Landmarks, mesh::TriMesh},
+    rigs::weights::SkinWeights,
+};
 
 /// Simulates a scan of a mesh: points seen from stations around it, merged to one cloud.
 ///

@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::depth::DepthVideo;
-use crate::kernels::depth::segment::{SegmentOptions, Segmented, segment};
-use crate::kernels::depth::smooth::smooth_video;
+use crate::kernels::sensors::depth::DepthVideo;
+use crate::kernels::sensors::depth::segment::{SegmentOptions, Segmented, segment};
+use crate::kernels::sensors::depth::smooth::smooth_video;
 
 /// Cuts a subject out of a depth video: a depth range, a region, the largest connected component.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]

@@ -4,10 +4,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::map_segments::{Assignment, Insertion, MapSegmentsOptions, map_segments};
-use crate::kernels::segment_map::SegmentMap;
-use crate::kernels::skeleton::Skeleton;
-use crate::kernels::skeleton_match::SkeletonMatch;
+use crate::kernels::matching::map_segments::{
+    Assignment, Insertion, MapSegmentsOptions, map_segments,
+};
+use crate::kernels::matching::skeleton_match::SkeletonMatch;
+use crate::kernels::rigs::segment_map::SegmentMap;
+use crate::kernels::rigs::skeleton::Skeleton;
 
 /// Maps every bone of a skeleton to the bone of a matched skeleton that it follows.
 ///

@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::segment_map::SegmentMap;
-use crate::kernels::segments_by_name::segments_by_name;
-use crate::kernels::skeleton::Skeleton;
+use crate::kernels::rigs::segment_map::SegmentMap;
+use crate::kernels::rigs::segments_by_name::segments_by_name;
+use crate::kernels::rigs::skeleton::Skeleton;
 
 /// Maps every bone of a target to the bone of the source that has the same name.
 ///

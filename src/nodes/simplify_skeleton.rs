@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{
     Input, Node, NodeError, NodeIo, OptionalInput, OptionalOutput, Output, Spec,
 };
-use crate::kernels::clip::Clip;
-use crate::kernels::simplify_skeleton::{JointChoice, simplify_skeleton};
-use crate::kernels::skeleton::Skeleton;
-use crate::kernels::weights::SkinWeights;
+use crate::kernels::rigs::clip::Clip;
+use crate::kernels::rigs::simplify_skeleton::{JointChoice, simplify_skeleton};
+use crate::kernels::rigs::skeleton::Skeleton;
+use crate::kernels::rigs::weights::SkinWeights;
 
 /// Leaves joints out of a rig.
 ///

@@ -4,11 +4,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::curve_skeleton::CurveSkeleton;
-use crate::kernels::joint_error::{HeightAxis, JointErrorError, height};
-use crate::kernels::mesh::TriMesh;
-use crate::kernels::skeleton::Skeleton;
-use crate::kernels::skeleton_error::{fit_of, rig_distance};
+use crate::kernels::curve_skeletons::curve_skeleton::CurveSkeleton;
+use crate::kernels::curve_skeletons::skeleton_error::{fit_of, rig_distance};
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::rigs::joint_error::{HeightAxis, JointErrorError, height};
+use crate::kernels::rigs::skeleton::Skeleton;
 use crate::kernels::table::{Column, Table};
 
 /// Measures how good a curve skeleton is: its topology, whether it is inside of the surface and in the

@@ -4,15 +4,15 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
+use crate::kernels::geometry::mesh::TriMesh;
 use crate::kernels::image::Image;
-use crate::kernels::mesh::TriMesh;
-use crate::kernels::segment_map::SegmentMap;
-use crate::kernels::skeleton::Skeleton;
-use crate::kernels::skeleton_texture::{
+use crate::kernels::matching::skeleton_texture::{
     Side, SkeletonTexture, SkeletonTextureOptions, Texels, skeleton_texture,
 };
+use crate::kernels::rigs::segment_map::SegmentMap;
+use crate::kernels::rigs::skeleton::Skeleton;
+use crate::kernels::rigs::weights::SkinWeights;
 use crate::kernels::table::{Column, Table};
-use crate::kernels::weights::SkinWeights;
 
 /// Gives a body skin weights of another by textures around the bones of both.
 ///
@@ -171,7 +171,7 @@ impl SkeletonTextureNode {
 fn reliability(res: &SkeletonTexture) -> Table {
     let sides = [&res.source, &res.target];
     let numbers = |of: &dyn Fn(&Side) -> f64| sides.iter().map(|it| of(it)).collect::<Vec<f64>>();
-    let covered = |it: &crate::kernels::skeleton_texture::Side| {
+    let covered = |it: &crate::kernels::matching::skeleton_texture::Side| {
         100.0 * it.n_covered as f64 / it.n_vertices as f64
     };
     Table::new(vec![

@@ -4,16 +4,16 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::coarse_skeleton::coarse_skeleton;
-use crate::kernels::curve_skeleton::{CurveSkeleton, NO_NODE};
-use crate::kernels::finish_skeleton::{FinishOptions, finish_skeleton};
-use crate::kernels::local_separators::{
+use crate::kernels::curve_skeletons::coarse_skeleton::coarse_skeleton;
+use crate::kernels::curve_skeletons::curve_skeleton::{CurveSkeleton, NO_NODE};
+use crate::kernels::curve_skeletons::finish_skeleton::{FinishOptions, finish_skeleton};
+use crate::kernels::curve_skeletons::local_separators::{
     self, LocalSeparatorsOptions, SpatialGraph, local_separators,
 };
-use crate::kernels::medial_skeleton::{MedialSkeletonOptions, medial_skeleton};
-use crate::kernels::mesh::TriMesh;
-use crate::kernels::skeleton_cleanup::PruneOptions;
-use crate::kernels::skeleton_placement::{self, PlacementOptions};
+use crate::kernels::curve_skeletons::medial_skeleton::{MedialSkeletonOptions, medial_skeleton};
+use crate::kernels::curve_skeletons::skeleton_cleanup::PruneOptions;
+use crate::kernels::curve_skeletons::skeleton_placement::{self, PlacementOptions};
+use crate::kernels::geometry::mesh::TriMesh;
 use crate::kernels::table::{Column, Table};
 
 /// Extracts the curve skeleton of a surface and makes it fit for joints: without cycles and spurs, in

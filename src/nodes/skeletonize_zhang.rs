@@ -4,14 +4,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::clip::Clip;
-use crate::kernels::mesh::TriMesh;
-use crate::kernels::mesh_sequence::MeshSequence;
-use crate::kernels::skeleton::Skeleton;
-use crate::kernels::skeleton_baselines::Moving;
-use crate::kernels::skeleton_baselines::zhang::{ZhangOptions, skeletonize_zhang};
+use crate::kernels::curve_skeletons::skeleton_baselines::Moving;
+use crate::kernels::curve_skeletons::skeleton_baselines::zhang::{ZhangOptions, skeletonize_zhang};
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::geometry::mesh_sequence::MeshSequence;
+use crate::kernels::rigs::clip::Clip;
+use crate::kernels::rigs::skeleton::Skeleton;
+use crate::kernels::rigs::weights::SkinWeights;
 use crate::kernels::table::{Column, Table};
-use crate::kernels::weights::SkinWeights;
 
 /// Finds a skeleton in a moving surface by spectral clustering of its points.
 ///

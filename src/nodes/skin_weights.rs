@@ -4,10 +4,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::mesh::TriMesh;
-use crate::kernels::skeleton::Skeleton;
-use crate::kernels::skin_weights::{Leaves, SkinWeightsOptions, skin_weights};
-use crate::kernels::weights::SkinWeights;
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::rigs::skeleton::Skeleton;
+use crate::kernels::rigs::skin_weights::{Leaves, SkinWeightsOptions, skin_weights};
+use crate::kernels::rigs::weights::SkinWeights;
 
 /// Computes skin weights from a mesh and a skeleton inside of it, by the equilibrium of heat.
 ///

@@ -8,15 +8,19 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{
     Inputs, Node, NodeError, NodeIo, OptionalInput, OptionalInputs, Output, Spec,
 };
-use crate::kernels::basis::Basis;
-use crate::kernels::curve_skeleton::CurveSkeleton;
-use crate::kernels::functional_map::PointMap;
-use crate::kernels::snapshot::colors::{
+use crate::kernels::curve_skeletons::curve_skeleton::CurveSkeleton;
+use crate::kernels::maps::functional_map::PointMap;
+use crate::kernels::pictures::snapshot::colors::{
     Color, ColorMap, function_colors, matched_colors, position_colors, weight_colors,
 };
-use crate::kernels::snapshot::{Figure, Isolines, Role, Scale, SnapshotOptions, View, snapshot};
+use crate::kernels::pictures::snapshot::{
+    Figure, Isolines, Role, Scale, SnapshotOptions, View, snapshot,
+};
+use crate::kernels::spectral::basis::Basis;
 use crate::kernels::{
-    image::Image, landmarks::Landmarks, mesh::TriMesh, skeleton::Skeleton, weights::SkinWeights,
+    geometry::{landmarks::Landmarks, mesh::TriMesh},
+    image::Image,
+    rigs::{skeleton::Skeleton, weights::SkinWeights},
 };
 
 /// Draws meshes side by side, with their skeletons shining through.

@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::basis::Basis;
-use crate::kernels::regressor::{Regressor, SpectralRegressor};
-use crate::kernels::skeleton_transfer::spectral_regressor;
+use crate::kernels::spectral::basis::Basis;
+use crate::kernels::transfer::regressor::{Regressor, SpectralRegressor};
+use crate::kernels::transfer::skeleton_transfer::spectral_regressor;
 
 /// Converts a regressor of vertices into one of spectral coefficients.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]

@@ -5,13 +5,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::clip::Clip;
-use crate::kernels::mesh::{TriMesh, Vec3};
-use crate::kernels::mesh_sequence::MeshSequence;
-use crate::kernels::skeleton::Skeleton;
-use crate::kernels::ssdr::{Ssdr, SsdrOptions, ssdr};
+use crate::kernels::geometry::mesh::{TriMesh, Vec3};
+use crate::kernels::geometry::mesh_sequence::MeshSequence;
+use crate::kernels::rigs::clip::Clip;
+use crate::kernels::rigs::skeleton::Skeleton;
+use crate::kernels::rigs::ssdr::{Ssdr, SsdrOptions, ssdr};
+use crate::kernels::rigs::weights::SkinWeights;
 use crate::kernels::table::{Column, Table};
-use crate::kernels::weights::SkinWeights;
 
 /// Finds rigid bones, their motions and skin weights for a mesh in motion.
 ///

@@ -6,8 +6,11 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{
     Input, Node, NodeError, NodeIo, OptionalInput, OptionalOutput, Output, Spec,
 };
-use crate::kernels::subdivide::{Scheme, subdivide};
-use crate::kernels::{landmarks::Landmarks, mesh::TriMesh, weights::SkinWeights};
+use crate::kernels::remeshing::subdivide::{Scheme, subdivide};
+use crate::kernels::{
+    geometry::{landmarks::Landmarks, mesh::TriMesh},
+    rigs::weights::SkinWeights,
+};
 
 /// Makes a mesh finer: every triangle becomes four, once a level.
 ///

@@ -4,9 +4,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::synthesize::{self as kernel, N_FRAMES, SynthesizeOptions, synthesize};
+use crate::kernels::synthetic::synthesize::{
+    self as kernel, N_FRAMES, SynthesizeOptions, synthesize,
+};
 use crate::kernels::{
-    clip::Clip, landmarks::Landmarks, mesh::TriMesh, skeleton::Skeleton, weights::SkinWeights,
+    geometry::{landmarks::Landmarks, mesh::TriMesh},
+    rigs::{clip::Clip, skeleton::Skeleton, weights::SkinWeights},
 };
 
 /// Makes a rigged biped or quadruped from a seed, with everything that is true about it.

@@ -7,12 +7,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::engine::artifact::Artifact;
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::basis::Basis;
-use crate::kernels::functional_map::{FunctionalMap, PointMap};
-use crate::kernels::mesh::TriMesh;
-use crate::kernels::regressor::{Regressor, SpectralRegressor};
-use crate::kernels::skeleton::Skeleton;
-use crate::kernels::skeleton_transfer::{
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::maps::functional_map::{FunctionalMap, PointMap};
+use crate::kernels::rigs::skeleton::Skeleton;
+use crate::kernels::spectral::basis::Basis;
+use crate::kernels::transfer::regressor::{Regressor, SpectralRegressor};
+use crate::kernels::transfer::skeleton_transfer::{
     transfer_by_coordinates, transfer_by_functions, transfer_by_points, transfer_by_surface,
 };
 

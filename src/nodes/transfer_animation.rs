@@ -4,15 +4,15 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::clip::Clip;
-use crate::kernels::fit_clip::world_positions;
-use crate::kernels::mesh::Vec3;
-use crate::kernels::segment_map::{Segment, SegmentMap};
-use crate::kernels::skeleton::Skeleton;
-use crate::kernels::table::{Column, Table};
-use crate::kernels::transfer_animation::{
+use crate::kernels::geometry::mesh::Vec3;
+use crate::kernels::motion::fit_clip::world_positions;
+use crate::kernels::motion::transfer_animation::{
     RootPath, TransferAnimationOptions, TransferredAnimation, transfer_animation,
 };
+use crate::kernels::rigs::clip::Clip;
+use crate::kernels::rigs::segment_map::{Segment, SegmentMap};
+use crate::kernels::rigs::skeleton::Skeleton;
+use crate::kernels::table::{Column, Table};
 
 /// Moves a skeleton like another one, by a map of its bones.
 ///

@@ -4,11 +4,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInput, Output, Spec};
-use crate::kernels::basis::Basis;
-use crate::kernels::functional_map::FunctionalMap;
-use crate::kernels::mesh::TriMesh;
-use crate::kernels::transfer_weights::{Matching, TransferWeightsOptions, transfer_weights};
-use crate::kernels::weights::SkinWeights;
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::maps::functional_map::FunctionalMap;
+use crate::kernels::rigs::weights::SkinWeights;
+use crate::kernels::spectral::basis::Basis;
+use crate::kernels::transfer::transfer_weights::{
+    Matching, TransferWeightsOptions, transfer_weights,
+};
 
 /// Gives every target vertex the skin weights of the place on the source that the map puts nearest to
 /// it.

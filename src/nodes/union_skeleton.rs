@@ -4,12 +4,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Labelled, LabelledInputs, Node, NodeError, NodeIo, Output, Spec};
-use crate::kernels::clip::Clip;
-use crate::kernels::mesh::Vec3;
-use crate::kernels::skeleton::Skeleton;
-use crate::kernels::skeleton_match::{MatchOptions, Partial};
+use crate::kernels::geometry::mesh::Vec3;
+use crate::kernels::matching::skeleton_match::{MatchOptions, Partial};
+use crate::kernels::matching::union_skeleton::{
+    Union, UnionOptions, clip_of_places, union_skeleton,
+};
+use crate::kernels::rigs::clip::Clip;
+use crate::kernels::rigs::skeleton::Skeleton;
 use crate::kernels::table::{Column, Table};
-use crate::kernels::union_skeleton::{Union, UnionOptions, clip_of_places, union_skeleton};
 
 /// Unites the skeletons of a figure in several poses: one skeleton with the joints and limbs of all.
 ///

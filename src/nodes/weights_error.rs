@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
+use crate::kernels::rigs::weights::SkinWeights;
+use crate::kernels::rigs::weights_error::weight_errors;
 use crate::kernels::table::{Column, Table, percentile};
-use crate::kernels::weights::SkinWeights;
-use crate::kernels::weights_error::weight_errors;
 
 /// Measures how far skin weights are from the true ones of the same mesh and joints.
 ///

@@ -6,14 +6,14 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{
     Input, Node, NodeError, NodeIo, OptionalInput, OptionalOutput, Output, Spec,
 };
-use crate::kernels::basis::Basis;
-use crate::kernels::chirality::chirality;
-use crate::kernels::functional_map::{FunctionalMap, PointMap};
-use crate::kernels::map_quality::{coverage, orthogonality};
-use crate::kernels::mesh::TriMesh;
-use crate::kernels::point_map::point_map;
+use crate::kernels::geometry::mesh::TriMesh;
+use crate::kernels::maps::chirality::chirality;
+use crate::kernels::maps::functional_map::{FunctionalMap, PointMap};
+use crate::kernels::maps::map_quality::{coverage, orthogonality};
+use crate::kernels::maps::point_map::point_map;
+use crate::kernels::maps::zoomout::{ZoomOutOptions, refine};
+use crate::kernels::spectral::basis::Basis;
 use crate::kernels::table::{Column, Table};
-use crate::kernels::zoomout::{ZoomOutOptions, refine};
 
 /// Refines a functional map by matching points and adding eigenfunctions in turns.
 ///

@@ -4,8 +4,8 @@
 //! `F x 3` `i32` indices, and `(T - 1) x V x 3` displacements from the first frame.
 
 use super::ReadError;
-use crate::kernels::mesh::Vec3;
-use crate::kernels::mesh_sequence::MeshSequence;
+use crate::kernels::geometry::mesh::Vec3;
+use crate::kernels::geometry::mesh_sequence::MeshSequence;
 
 /// Reads a sequence; the format knows no rate.
 ///

@@ -4,7 +4,10 @@
 use nalgebra::UnitQuaternion;
 
 use super::error::{ReadError, text};
-use crate::kernels::{clip::Clip, mesh::Vec3, skeleton::Skeleton};
+use crate::kernels::{
+    geometry::mesh::Vec3,
+    rigs::{clip::Clip, skeleton::Skeleton},
+};
 
 const FORMAT: &str = "BVH";
 
@@ -243,7 +246,7 @@ fn pose(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernels::fit_clip::world_positions;
+    use crate::kernels::motion::fit_clip::world_positions;
 
     const ARM: &str = "HIERARCHY
 ROOT Hips

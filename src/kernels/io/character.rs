@@ -5,10 +5,8 @@ use std::collections::HashMap;
 use nalgebra::UnitQuaternion;
 
 use crate::kernels::{
-    clip::Clip,
-    mesh::{TriMesh, Vec3},
-    skeleton::Skeleton,
-    weights::SkinWeights,
+    geometry::mesh::{TriMesh, Vec3},
+    rigs::{clip::Clip, skeleton::Skeleton, weights::SkinWeights},
 };
 
 /// What a file holds: a mesh, and a rig if there is one.

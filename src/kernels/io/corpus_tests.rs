@@ -11,8 +11,8 @@ use super::{
     read::read_character,
 };
 use crate::kernels::{
-    mesh::{MeshError, Vec3},
-    skinning::skin,
+    geometry::mesh::{MeshError, Vec3},
+    rigs::skinning::skin,
 };
 
 /// The corpus: `SINEW_CORPUS`, or `../shared/data` beside the checkout.

@@ -1,6 +1,9 @@
 //! What is wrong with a file.
 
-use crate::kernels::{mesh::MeshError, skeleton::SkeletonError, weights::WeightsError};
+use crate::kernels::{
+    geometry::mesh::MeshError,
+    rigs::{skeleton::SkeletonError, weights::WeightsError},
+};
 
 /// Why a file cannot be read. Lines and records count from 1, bytes from 0.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

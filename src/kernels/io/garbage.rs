@@ -11,8 +11,8 @@ use super::{
     table_file::{TABLE_EXTENSIONS, TableFileOptions, read_table},
 };
 use crate::kernels::{
-    mesh::{TriMesh, Vec3},
-    random::Random,
+    geometry::mesh::{TriMesh, Vec3},
+    numerics::random::Random,
 };
 
 fn files() -> Vec<(&'static str, Vec<u8>)> {

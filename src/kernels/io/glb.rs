@@ -4,10 +4,8 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use serde_json::{Value, json};
 
 use crate::kernels::{
-    clip::Clip,
-    mesh::{TriMesh, Vec3},
-    skeleton::Skeleton,
-    weights::SkinWeights,
+    geometry::mesh::{TriMesh, Vec3},
+    rigs::{clip::Clip, skeleton::Skeleton, weights::SkinWeights},
 };
 
 const FLOAT: u32 = 5126;
@@ -418,7 +416,7 @@ mod tests {
     use super::*;
     use crate::kernels::{
         io::gltf::{GltfOptions, read_gltf},
-        skinning::skin,
+        rigs::skinning::skin,
     };
 
     /// Two triangles on a bent arm of four joints, and a clip.

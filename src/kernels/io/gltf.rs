@@ -10,9 +10,8 @@ use super::{
     error::ReadError,
 };
 use crate::kernels::{
-    mesh::{TriMesh, Vec3},
-    skeleton::Skeleton,
-    weights::SkinWeights,
+    geometry::mesh::{TriMesh, Vec3},
+    rigs::{skeleton::Skeleton, weights::SkinWeights},
 };
 
 mod accessor;
@@ -63,7 +62,7 @@ pub enum RestPose {
 /// Joints stand in the order of the skins, but parents before children; an ancestor that is no joint
 /// is folded into the positions. Joints without a name become `joint_0`, ..., equal names get numbers.
 /// Weights are divided by their sums. Every animation that moves a joint becomes a clip (see
-/// [`Clip`](crate::kernels::clip::Clip)); scales cannot be expressed there and are left out.
+/// [`Clip`](crate::kernels::rigs::clip::Clip)); scales cannot be expressed there and are left out.
 ///
 /// # Errors
 /// With the index of the accessor, mesh, node or animation that is wrong.

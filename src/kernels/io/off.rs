@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::error::{ReadError, fan, number, text};
-use crate::kernels::mesh::{TriMesh, Vec3};
+use crate::kernels::geometry::mesh::{TriMesh, Vec3};
 
 const FORMAT: &str = "OFF";
 

@@ -1,7 +1,7 @@
 //! Polygon files (Stanford PLY): ASCII and binary of both byte orders.
 
 use super::error::{ReadError, fan};
-use crate::kernels::mesh::{TriMesh, Vec3};
+use crate::kernels::geometry::mesh::{TriMesh, Vec3};
 
 const FORMAT: &str = "PLY";
 

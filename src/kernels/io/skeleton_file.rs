@@ -6,8 +6,8 @@ use serde::Deserialize;
 
 use super::error::ReadError;
 use crate::kernels::{
-    mesh::Vec3,
-    skeleton::{Skeleton, SkeletonError},
+    geometry::mesh::Vec3,
+    rigs::skeleton::{Skeleton, SkeletonError},
 };
 
 /// A joint as files give it.

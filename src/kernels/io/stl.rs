@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use super::error::{ReadError, number, text};
-use crate::kernels::mesh::{TriMesh, Vec3};
+use crate::kernels::geometry::mesh::{TriMesh, Vec3};
 
 const FORMAT: &str = "STL";
 const HEADER_BYTES: usize = 84;

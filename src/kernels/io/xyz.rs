@@ -1,7 +1,7 @@
 //! Lists of points as text.
 
 use super::error::{ReadError, number, text};
-use crate::kernels::mesh::{TriMesh, Vec3};
+use crate::kernels::geometry::mesh::{TriMesh, Vec3};
 
 const FORMAT: &str = "XYZ";
 

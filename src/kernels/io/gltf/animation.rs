@@ -14,12 +14,12 @@ use super::{
     singular,
 };
 use crate::kernels::{
-    clip::Clip,
+    geometry::mesh::Vec3,
     io::{
         character::{push_local_frames, unique_name},
         error::ReadError,
     },
-    mesh::Vec3,
+    rigs::clip::Clip,
 };
 
 /// More frames than this, and a thousand for every key, are a damaged file (an hour between two keys

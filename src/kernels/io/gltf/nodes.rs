@@ -4,7 +4,7 @@ use gltf::{Document, scene::Transform};
 use nalgebra::{Matrix4, Quaternion, UnitQuaternion};
 
 use super::FORMAT;
-use crate::kernels::{io::error::ReadError, mesh::Vec3};
+use crate::kernels::{geometry::mesh::Vec3, io::error::ReadError};
 
 /// Where a node stands in its parent.
 #[derive(Debug, Clone, Copy)]

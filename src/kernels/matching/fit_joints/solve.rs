@@ -1,0 +1,277 @@
+//! One step of all motions in all poses and of all joints together.
+
+use nalgebra::{
+    DMatrix, DVector, Isometry3, Matrix3, SMatrix, SVector, Translation3, UnitQuaternion,
+};
+use rayon::prelude::*;
+
+use super::parts::moved;
+use crate::kernels::geometry::mesh::Vec3;
+use crate::kernels::geometry::triangle_tree::TriangleTree;
+
+type Matrix6 = SMatrix<f64, 6, 6>;
+type Vector6 = SVector<f64, 6>;
+
+/// A point of a part with its normal, at rest.
+#[derive(Debug, Clone, Copy)]
+pub struct Point {
+    pub place: Vec3,
+    pub normal: Vec3,
+    pub part: usize,
+    pub weight: f64,
+}
+
+/// What is looked at in one pose.
+pub struct Pose<'a> {
+    pub surface: &'a TriangleTree,
+    pub normals: &'a [Vec3],
+    /// For every part: pairs of places on its curve, at rest and in the pose.
+    pub curve: &'a [Vec<(Vec3, Vec3)>],
+}
+
+/// What is to be fitted.
+#[derive(Clone, Copy)]
+pub struct Problem<'a> {
+    pub points: &'a [Point],
+    pub poses: &'a [Pose<'a>],
+    /// Of joints: the part before and the one behind.
+    pub sides: &'a [[usize; 2]],
+    /// Where joints began.
+    pub cuts: &'a [Vec3],
+}
+
+/// What the terms count, against the distances of all points from the surface, which count 1 in all.
+#[derive(Debug, Clone, Copy)]
+pub struct Weights {
+    /// Points that slide along the surface.
+    pub slide: f64,
+    /// Distances from the curves.
+    pub curve: f64,
+    /// Distances between both sides of a joint.
+    pub joint: f64,
+    /// Distances of joints from where they began.
+    pub prior: f64,
+    /// Beyond this distance a point of the surface counts less and less.
+    pub reach: f64,
+}
+
+/// The unknowns: motions by pose and part, and places of joints at rest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct State {
+    pub motions: Vec<Vec<Isometry3<f64>>>,
+    pub joints: Vec<Vec3>,
+}
+
+/// The normal equations of one pose: of its motions, of them with the joints, and of the joints.
+struct Equations {
+    motions: DMatrix<f64>,
+    mixed: DMatrix<f64>,
+    right: DVector<f64>,
+    joints: DMatrix<f64>,
+    right_joints: DVector<f64>,
+}
+
+/// Makes a Gauss-Newton step; returns the share of
+/// the weight of points that lay on the surface of each pose.
+pub fn step(state: &mut State, problem: &Problem<'_>, weights: &Weights) -> Vec<f64> {
+    let Problem { points, poses, sides, cuts } = *problem;
+    let n_joints = sides.len();
+    let all: Vec<(Equations, f64)> = poses
+        .par_iter()
+        .zip(&state.motions)
+        .map(|(pose, motions)| equations(motions, &state.joints, points, pose, sides, weights))
+        .collect();
+    let mut matrix = DMatrix::<f64>::identity(3 * n_joints, 3 * n_joints) * 1e-12;
+    let mut right = DVector::<f64>::zeros(3 * n_joints);
+    for (joint, &place) in cuts.iter().enumerate() {
+        for axis in 0..3 {
+            matrix[(3 * joint + axis, 3 * joint + axis)] += weights.prior;
+            right[3 * joint + axis] -= weights.prior * (state.joints[joint][axis] - place[axis]);
+        }
+    }
+    let mut solved = Vec::with_capacity(all.len());
+    for (it, _) in &all {
+        let Some(cholesky) = it.motions.clone().cholesky() else {
+            solved.push(None);
+            continue;
+        };
+        let (mixed, own) = (cholesky.solve(&it.mixed), cholesky.solve(&it.right));
+        matrix += &it.joints - it.mixed.transpose() * &mixed;
+        right += &it.right_joints - it.mixed.transpose() * &own;
+        solved.push(Some((mixed, own)));
+    }
+    let moves = match n_joints {
+        0 => DVector::zeros(0),
+        _ => matrix.cholesky().map_or_else(|| DVector::zeros(3 * n_joints), |it| it.solve(&right)),
+    };
+    for (pose, solved) in solved.iter().enumerate() {
+        let Some((mixed, own)) = solved else { continue };
+        let change = own - mixed * &moves;
+        for (part, motion) in state.motions[pose].iter_mut().enumerate() {
+            let turn = Vec3::new(change[6 * part], change[6 * part + 1], change[6 * part + 2]);
+            let shift = Vec3::new(change[6 * part + 3], change[6 * part + 4], change[6 * part + 5]);
+            let turn = turn * (1.0 / turn.norm()).min(1.0);
+            let step = UnitQuaternion::new(turn);
+            let translation = step * motion.translation.vector + shift;
+            let mut rotation = step * motion.rotation;
+            rotation.renormalize();
+            *motion = Isometry3::from_parts(Translation3::from(translation), rotation);
+        }
+    }
+    for (joint, place) in state.joints.iter_mut().enumerate() {
+        *place += Vec3::new(moves[3 * joint], moves[3 * joint + 1], moves[3 * joint + 2]);
+    }
+    let total: f64 = points.iter().map(|it| it.weight).sum();
+    all.iter().map(|it| if total > 0.0 { it.1 / total } else { 0.0 }).collect()
+}
+
+fn cross(a: Vec3) -> Matrix3<f64> {
+    a.cross_matrix()
+}
+
+/// Adds `weight * |direction . (place + turn x place + shift) - value|^2`.
+fn add_along(
+    matrix: &mut Matrix6,
+    right: &mut Vector6,
+    place: Vec3,
+    direction: Vec3,
+    residual: f64,
+    weight: f64,
+) {
+    let turn = place.cross(&direction);
+    let row = Vector6::new(turn.x, turn.y, turn.z, direction.x, direction.y, direction.z);
+    *matrix += row * row.transpose() * weight;
+    *right -= row * (residual * weight);
+}
+
+fn add_place(matrix: &mut Matrix6, right: &mut Vector6, place: Vec3, residual: Vec3, weight: f64) {
+    for axis in 0..3 {
+        let mut direction = Vec3::zeros();
+        direction[axis] = 1.0;
+        add_along(matrix, right, place, direction, residual[axis], weight);
+    }
+}
+
+fn equations(
+    motions: &[Isometry3<f64>],
+    joints: &[Vec3],
+    points: &[Point],
+    pose: &Pose<'_>,
+    sides: &[[usize; 2]],
+    weights: &Weights,
+) -> (Equations, f64) {
+    const CHUNK: usize = 512;
+    let n_parts = motions.len();
+    let of_chunk = |chunk: &[Point]| surface_terms(chunk, motions, pose, weights);
+    let chunks: Vec<(Vec<(Matrix6, Vector6)>, f64)> =
+        points.par_chunks(CHUNK).map(of_chunk).collect();
+    let mut blocks = vec![(Matrix6::zeros(), Vector6::zeros()); n_parts];
+    let mut near = 0.0;
+    for (chunk, near_part) in &chunks {
+        for (block, more) in blocks.iter_mut().zip(chunk) {
+            block.0 += more.0;
+            block.1 += more.1;
+        }
+        near += near_part;
+    }
+    for (part, pairs) in pose.curve.iter().enumerate() {
+        // A part that no point belongs to still follows its curve.
+        let weight = weights.curve
+            * (blocks[part].0[(3, 3)] + blocks[part].0[(4, 4)] + blocks[part].0[(5, 5)]).max(1e-4);
+        for (rest, now) in pairs {
+            let place = moved(&motions[part], *rest);
+            let (matrix, right) = &mut blocks[part];
+            add_place(matrix, right, place, place - now, weight / pairs.len() as f64);
+        }
+    }
+    (assemble(motions, joints, &blocks, sides, weights), near)
+}
+
+fn surface_terms(
+    points: &[Point],
+    motions: &[Isometry3<f64>],
+    pose: &Pose<'_>,
+    weights: &Weights,
+) -> (Vec<(Matrix6, Vector6)>, f64) {
+    /// Surfaces that look another way are another side of the body.
+    const LEAST_COSINE: f64 = 0.5;
+    let mut blocks = vec![(Matrix6::zeros(), Vector6::zeros()); motions.len()];
+    let mut found = 0.0;
+    let reach = weights.reach * weights.reach;
+    for point in points {
+        let motion = &motions[point.part];
+        let place = moved(motion, point.place);
+        let Some(near) = pose.surface.nearest_within(place, 9.0 * reach) else { continue };
+        let normal = pose.normals[near.face as usize];
+        if (motion.rotation * point.normal).dot(&normal) < LEAST_COSINE {
+            continue;
+        }
+        let away = place - near.point;
+        let robust = (reach / (reach + near.square)).powi(2);
+        let weight = point.weight * robust;
+        let (matrix, right) = &mut blocks[point.part];
+        add_along(matrix, right, place, normal, normal.dot(&away), weight);
+        add_place(matrix, right, place, away, weight * weights.slide);
+        found += weight;
+    }
+    (blocks, found)
+}
+
+/// Both sides of a joint that are farther apart than this count less and less for it.
+const GAP: f64 = 0.03;
+
+/// Joins the equations of parts by the joints between them.
+fn assemble(
+    motions: &[Isometry3<f64>],
+    joints: &[Vec3],
+    blocks: &[(Matrix6, Vector6)],
+    sides: &[[usize; 2]],
+    weights: &Weights,
+) -> Equations {
+    let (n_motions, n_joints) = (6 * motions.len(), 3 * joints.len());
+    let mut res = Equations {
+        motions: DMatrix::identity(n_motions, n_motions) * 1e-9,
+        mixed: DMatrix::zeros(n_motions, n_joints),
+        right: DVector::zeros(n_motions),
+        joints: DMatrix::zeros(n_joints, n_joints),
+        right_joints: DVector::zeros(n_joints),
+    };
+    for (part, (matrix, right)) in blocks.iter().enumerate() {
+        let mut view = res.motions.fixed_view_mut::<6, 6>(6 * part, 6 * part);
+        view += matrix;
+        let mut view = res.right.fixed_rows_mut::<6>(6 * part);
+        view += right;
+    }
+    for (joint, (&[a, b], &place)) in sides.iter().zip(joints).enumerate() {
+        let [here, there] = [a, b].map(|it| moved(&motions[it], place));
+        let residual = here - there;
+        let identity = Matrix3::identity();
+        // The change of the gap by the turns and shifts of both parts, and by the joint.
+        let columns: [(usize, Matrix3<f64>); 4] = [
+            (6 * a, -cross(here)),
+            (6 * a + 3, identity),
+            (6 * b, cross(there)),
+            (6 * b + 3, -identity),
+        ];
+        let turns = [a, b].map(|it| motions[it].rotation.to_rotation_matrix().into_inner());
+        let own = turns[0] - turns[1];
+        // A part that is lost in a pose says nothing about the joint.
+        let robust = GAP * GAP / (GAP * GAP + residual.norm_squared());
+        let weight = weights.joint * robust * robust;
+        for (row, left) in &columns {
+            for (column, other) in &columns {
+                let mut view = res.motions.fixed_view_mut::<3, 3>(*row, *column);
+                view += left.transpose() * other * weight;
+            }
+            let mut view = res.mixed.fixed_view_mut::<3, 3>(*row, 3 * joint);
+            view += left.transpose() * own * weight;
+            let mut view = res.right.fixed_rows_mut::<3>(*row);
+            view -= left.transpose() * residual * weight;
+        }
+        let mut view = res.joints.fixed_view_mut::<3, 3>(3 * joint, 3 * joint);
+        view += own.transpose() * own * weight;
+        let mut view = res.right_joints.fixed_rows_mut::<3>(3 * joint);
+        view -= own.transpose() * residual * weight;
+    }
+    res
+}

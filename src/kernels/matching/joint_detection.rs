@@ -1,0 +1,161 @@
+//! How well detected joints agree with those that really move.
+
+use super::find_joints::{JointOptions, JointsError, find_joints};
+use crate::kernels::geometry::mesh::Vec3;
+use crate::kernels::rigs::skeleton::Skeleton;
+
+/// What counts as found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DetectionOptions {
+    /// A joint moves if it bends by more than this against the first pose, in degrees.
+    pub min_angle: f64,
+    /// A detected joint is a true one if it is as near as this, in percent of the height.
+    pub tolerance: f64,
+    /// In the unit of positions.
+    pub height: f64,
+}
+
+/// A true joint that moves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrueJoint {
+    pub name: String,
+    pub position: Vec3,
+    /// In degrees.
+    pub angle: f64,
+    /// The detected joint that it was found as.
+    pub found: Option<usize>,
+    /// To that joint, or else to the nearest detected one, in percent of the height; infinite if nothing
+    /// was detected.
+    pub distance: f64,
+}
+
+/// Detected joints held against true ones.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Detection {
+    pub truth: Vec<TrueJoint>,
+    pub n_detected: usize,
+    /// Detected joints that are none.
+    pub wrong: Vec<usize>,
+}
+
+impl Detection {
+    pub fn n_found(&self) -> usize {
+        self.truth.iter().filter(|it| it.found.is_some()).count()
+    }
+
+    /// The share of detected joints that are true; 1 if none was detected.
+    pub fn precision(&self) -> f64 {
+        if self.n_detected == 0 { 1.0 } else { self.n_found() as f64 / self.n_detected as f64 }
+    }
+
+    /// The share of true joints that were found; 1 if none moves.
+    pub fn recall(&self) -> f64 {
+        let n_true = self.truth.len();
+        if n_true == 0 { 1.0 } else { self.n_found() as f64 / n_true as f64 }
+    }
+
+    /// Of found joints, in percent of the height.
+    pub fn distances(&self) -> Vec<f64> {
+        self.truth.iter().filter(|it| it.found.is_some()).map(|it| it.distance).collect()
+    }
+}
+
+/// Holds detected joints against the joints of a rig that bend between its poses.
+///
+/// `truth` is the rig in the pose of the detected positions. What bends is found as [`find_joints`] does, on
+/// single bones: ends of the rig never do, and roll about bones does not count. Pairs are made from
+/// the nearest on, each joint is in one at most.
+///
+/// # Errors
+/// See [`JointsError`].
+pub fn joint_detection(
+    detected: &[Vec3],
+    truth: &Skeleton,
+    poses: &[Vec<Vec3>],
+    options: &DetectionOptions,
+) -> Result<Detection, JointsError> {
+    let moving = JointOptions {
+        window: 0.0,
+        min_angle: options.min_angle,
+        at_forks: true,
+        is_symmetric: false,
+        ..Default::default()
+    };
+    let percent = 100.0 / options.height;
+    let mut true_joints: Vec<TrueJoint> = find_joints(truth, poses, &moving)?
+        .into_iter()
+        .map(|it| TrueJoint {
+            name: truth.names()[it.at(truth)].clone(),
+            position: it.position,
+            angle: it.angle,
+            found: None,
+            distance: f64::INFINITY,
+        })
+        .collect();
+    let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
+    for (index, joint) in true_joints.iter().enumerate() {
+        for (other, place) in detected.iter().enumerate() {
+            pairs.push(((joint.position - place).norm() * percent, index, other));
+        }
+    }
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    let mut is_taken = vec![false; detected.len()];
+    for &(distance, index, other) in &pairs {
+        let joint = &mut true_joints[index];
+        let is_free = joint.found.is_none() && !is_taken[other];
+        if is_free && distance <= options.tolerance {
+            is_taken[other] = true;
+            (joint.found, joint.distance) = (Some(other), distance);
+        }
+    }
+    for &(distance, index, _) in &pairs {
+        let joint = &mut true_joints[index];
+        if joint.found.is_none() {
+            joint.distance = joint.distance.min(distance);
+        }
+    }
+    let wrong = (0..detected.len()).filter(|&it| !is_taken[it]).collect();
+    Ok(Detection { truth: true_joints, n_detected: detected.len(), wrong })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rig() -> Skeleton {
+        let names = ["hip", "knee", "ankle", "toe"].map(str::to_owned).to_vec();
+        let positions = [0.0, 1.0, 2.0, 3.0].map(|it| Vec3::x() * it).to_vec();
+        Skeleton::new(names, vec![None, Some(0), Some(1), Some(2)], positions).unwrap()
+    }
+
+    /// The knee at 60 degrees, the ankle at 10.
+    fn bent() -> Vec<Vec3> {
+        let at =
+            |degrees: f64| Vec3::new(degrees.to_radians().cos(), degrees.to_radians().sin(), 0.0);
+        let ankle = Vec3::x() + at(60.0);
+        vec![Vec3::zeros(), Vec3::x(), ankle, ankle + at(70.0)]
+    }
+
+    #[test]
+    fn only_what_moves_counts() {
+        let options = DetectionOptions { min_angle: 15.0, tolerance: 2.0, height: 10.0 };
+        let check = |detected: &[f64],
+                     found: &[Option<usize>],
+                     wrong: &[usize],
+                     scores: [f64; 2]| {
+            let places: Vec<Vec3> = detected.iter().map(|&it| Vec3::x() * it).collect();
+            let res = joint_detection(&places, &rig(), &[bent()], &options).unwrap();
+            assert_eq!(res.truth.iter().map(|it| it.name.as_str()).collect::<Vec<_>>(), ["knee"]);
+            assert_eq!(res.truth.iter().map(|it| it.found).collect::<Vec<_>>(), found);
+            assert_eq!((&res.wrong[..], [res.precision(), res.recall()]), (wrong, scores));
+        };
+        check(&[1.1], &[Some(0)], &[], [1.0, 1.0]);
+        // The nearer of two; the other is wrong, as is one at a joint that does not move.
+        check(&[1.15, 0.9, 2.0], &[Some(1)], &[0, 2], [1.0 / 3.0, 1.0]);
+        check(&[1.3], &[None], &[0], [0.0, 0.0]);
+        check(&[], &[None], &[], [1.0, 0.0]);
+        let lax = DetectionOptions { min_angle: 5.0, ..options };
+        let both = joint_detection(&[], &rig(), &[bent()], &lax).unwrap();
+        assert_eq!(both.truth.iter().map(|it| it.angle.round()).collect::<Vec<_>>(), [60.0, 10.0]);
+    }
+}
