@@ -1,6 +1,7 @@
 //! Meshes and clouds, and how to find one's way on them: neighbours, distances, insides.
 
 pub mod cloud_sheets;
+pub mod cloud_sides;
 pub mod corner_table;
 pub mod delaunay_stars;
 pub mod distance_field;

@@ -4,8 +4,8 @@ use faer::Mat;
 
 use super::pulls::{Pull, Samples, trust};
 use crate::kernels::geometry::cloud_sheets::CloudSheets;
+use crate::kernels::geometry::cloud_sides::sided_normals;
 use crate::kernels::geometry::mesh::{TriMesh, Vec3};
-use crate::kernels::geometry::point_tree::PointTree;
 use crate::kernels::maps::functional_map::PointMap;
 use crate::kernels::maps::nearest::nearest_rows;
 
@@ -96,37 +96,26 @@ fn rows<'a>(
     res
 }
 
-/// The target's normals, on the side on which the surface has its own.
+/// The target's normals, on the side on which the surface has its own, as matched vertices say.
 ///
-/// A mesh is turned as a whole. Points of a cloud are turned one by one: as the vertices that are matched
-/// with them say, or else the nearest point that is matched.
+/// What hangs together is turned as a whole, in a cloud as in a mesh: matches take the front of a limb for
+/// its back now and then.
 fn oriented_normals(roughly: &TriMesh, target: &TriMesh, matches: &PointMap) -> Vec<Vec3> {
-    let is_cloud = target.is_point_cloud();
-    let mut normals = if is_cloud {
-        CloudSheets::new(target.vertices(), N_NEIGHBORS).normals().to_vec()
-    } else {
-        target.vertex_normals()
+    let sheets = target.is_point_cloud().then(|| CloudSheets::new(target.vertices(), N_NEIGHBORS));
+    let normals = match &sheets {
+        Some(sheets) => sheets.normals().to_vec(),
+        None => target.vertex_normals(),
     };
     let mut votes = vec![0.0; normals.len()];
     let own = roughly.vertex_normals().into_iter().zip(roughly.vertex_areas());
     for ((normal, area), &at) in own.zip(&matches.target_of_source) {
         votes[at as usize] += area * normal.dot(&normals[at as usize]);
     }
-    if !is_cloud {
-        let side = if votes.iter().sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
-        return normals.into_iter().map(|it| it * side).collect();
-    }
-    let known: Vec<usize> = (0..votes.len()).filter(|it| votes[*it] != 0.0).collect();
-    let turned: Vec<Vec3> = known.iter().map(|&it| normals[it] * votes[it].signum()).collect();
-    let tree = PointTree::new(&known.iter().map(|&it| target.vertices()[it]).collect::<Vec<_>>());
-    let mut found = Vec::new();
-    for (place, normal) in target.vertices().iter().zip(&mut normals) {
-        tree.nearest(*place, 1, &mut found);
-        if let Some(&(_, near)) = found.first()
-            && normal.dot(&turned[near as usize]) < 0.0
-        {
-            *normal = -*normal;
+    match sheets {
+        Some(sheets) => sided_normals(target.vertices(), &sheets, N_NEIGHBORS, &votes),
+        None => {
+            let side = if votes.iter().sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
+            normals.into_iter().map(|it| it * side).collect()
         }
     }
-    normals
 }
