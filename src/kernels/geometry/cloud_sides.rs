@@ -44,15 +44,19 @@ pub fn sided_normals(
     normals
 }
 
-/// A tree along the sheets, of neighbours whose normals are most parallel.
+/// A tree along the sheets: of neighbours whose normals are most parallel, and across which one goes most
+/// nearly along the surface, so that an arm is joined to its shoulder and not to the hip beside it.
 fn links(points: &[Vec3], sheets: &CloudSheets, n_neighbors: usize) -> Vec<(usize, usize)> {
     let tree = PointTree::new(points);
+    let normals = sheets.normals();
     let (mut found, mut pairs) = (Vec::new(), Vec::new());
     for a in 0..points.len() {
         tree.nearest(points[a], n_neighbors + 1, &mut found);
         for b in found.iter().map(|it| it.1 as usize) {
             if a != b && sheets.are_one(points, a as u32, b as u32) {
-                let cost = 1.0 - sheets.normals()[a].dot(&sheets.normals()[b]).abs();
+                let way = (points[b] - points[a]).try_normalize(0.0).unwrap_or_default();
+                let off = normals[a].dot(&way).abs().max(normals[b].dot(&way).abs());
+                let cost = 1.0 - normals[a].dot(&normals[b]).abs() + off;
                 pairs.push((cost, a.min(b), a.max(b)));
             }
         }
