@@ -12,7 +12,8 @@ use crate::engine::graph::Place;
 
 /// The entries of a text in its order; `None` if it is not plain.
 pub fn read(text: &str, source: usize) -> Option<Vec<Entry>> {
-    let mut reader = Reader { text, bytes: text.as_bytes(), at: 0, source, names: Vec::new() };
+    let mut reader =
+        Reader { text, bytes: text.as_bytes(), at: 0, depth: 0, source, names: Vec::new() };
     let mut file = File::default();
     loop {
         reader.skip_blank_lines()?;
@@ -144,10 +145,15 @@ struct Reader<'t> {
     text: &'t str,
     bytes: &'t [u8],
     at: usize,
+    /// Of lists and tables in each other, around what is read.
+    depth: usize,
     source: usize,
     /// Names that nodes share: most have the same few keys.
     names: Vec<Arc<str>>,
 }
+
+/// Values in more lists and tables are left to the full parser, which refuses what is too deep.
+const DEEP: usize = 32;
 
 /// So many names are looked through to share one.
 const SHARED_NAMES: usize = 16;
@@ -267,13 +273,23 @@ impl<'t> Reader<'t> {
         let start = self.at;
         let data = match self.peek()? {
             b'"' | b'\'' => Data::Text(self.text()?.into()),
-            b'[' => self.list()?,
-            b'{' => self.inline_table()?,
+            b'[' => self.nested(Self::list)?,
+            b'{' => self.nested(Self::inline_table)?,
             b't' => self.word("true", true)?,
             b'f' => self.word("false", false)?,
             _ => self.number()?,
         };
         Some(Value::new(data, self.place(start..self.at)))
+    }
+
+    fn nested(&mut self, read: impl FnOnce(&mut Self) -> Option<Data>) -> Option<Data> {
+        if self.depth == DEEP {
+            return None;
+        }
+        self.depth += 1;
+        let data = read(self);
+        self.depth -= 1;
+        data
     }
 
     /// A text on one line without escapes.
@@ -456,6 +472,9 @@ mod tests {
         ] {
             assert!(!is_plain(text), "{text}");
         }
+        let nested = |depth: usize| format!("a = {}{}", "[".repeat(depth), "]".repeat(depth));
+        assert!(is_plain(&nested(DEEP)) && !is_plain(&nested(DEEP + 1)));
+        assert!(!is_plain(&nested(100_000)));
     }
 
     proptest! {
