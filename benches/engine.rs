@@ -9,7 +9,8 @@
 //! - `change`: one root gives another number; what reads it runs
 //! - `cutoff`: one root's parameter changes, its number does not; one node runs
 //! - `revert`: the file of before; no node runs
-//! - `explain`: why one node of the last layer would run
+//! - `explain`: what one node of the last layer is made from
+//! - `edited`: why it would run, right after an edit of the file
 //! - `plan`: ten times 10,000 instances along an axis, of which none is stored
 //! - `1 thread`, `2 threads`: two independent chains of nodes that compute
 //! - and an artifact of 48 MB: made and handed on, stored, mapped, decoded
@@ -74,13 +75,14 @@ fn bench(n: usize) {
 
 fn bench_layers(folder: &Path, width: usize) {
     let last = format!("n{}_0", LAYERS - 1);
-    let steps: [(&str, u64, &[&str]); 6] = [
+    let steps: [(&str, u64, &[&str]); 7] = [
         ("cold", 64, &["run", "2"]),
         ("noop", 64, &["run", "2"]),
         ("change", 128, &["run", "2"]),
         ("cutoff", 129, &["run", "2"]),
         ("revert", 64, &["run", "2"]),
-        ("explain", 192, &["explain", &last]),
+        ("explain", 64, &["explain", &last]),
+        ("edited", 192, &["explain", &last]),
     ];
     let mut samples: Vec<Vec<Sample>> = steps.iter().map(|_| Vec::new()).collect();
     for _ in 0..ROUNDS {
@@ -284,7 +286,7 @@ fn plan_child(folder: &Path) {
     print!("{}", plan.statuses.iter().filter(is_to_do).count());
 }
 
-/// Prints how many steps explain why a node would run.
+/// Prints how many steps explain why a node would run, if it would.
 fn explain_child(folder: &Path, node: &str) {
     let store = open(folder, Access::ReadOnly);
     let graph = load(folder, &store);

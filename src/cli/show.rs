@@ -1,6 +1,6 @@
 //! `sinew show`: what is in an artifact.
 
-use std::{collections::BTreeSet, fs, path::PathBuf};
+use std::{borrow::Cow, collections::BTreeSet, fs, path::PathBuf};
 
 use anstream::println;
 use petgraph::graph::NodeIndex;
@@ -71,11 +71,8 @@ fn find_port<'a>(graph: &Graph, text: &'a str) -> Result<(NodeIndex, Option<&'a 
     if let [index] = graph.select(text)[..] {
         return Ok((index, None));
     }
-    let (id, port) = match text.rsplit_once('.') {
-        Some((id, port)) => (id, Some(port)),
-        None => (text, None),
-    };
-    let index = common::find(graph, id)?;
+    let (id, port) = split_port(text);
+    let index = common::find(graph, &id)?;
     let ports = graph.instances[index].kind.spec.outputs;
     match port {
         Some(port) if ports.iter().all(|it| it.name != port) => {
@@ -84,6 +81,20 @@ fn find_port<'a>(graph: &Graph, text: &'a str) -> Result<(NodeIndex, Option<&'a 
             Err(Failure::usage(format_args!("`{id}` has no output `{port}`: it has `{list}`")))
         }
         port => Ok((index, port)),
+    }
+}
+
+/// The port stands behind the name of the node, `basis.mass@shape=cat`, or behind the items, which may have
+/// points of their own.
+fn split_port(text: &str) -> (Cow<'_, str>, Option<&str>) {
+    if let Some((name, items)) = text.split_once('@')
+        && let Some((name, port)) = name.rsplit_once('.')
+    {
+        return (format!("{name}@{items}").into(), Some(port));
+    }
+    match text.rsplit_once('.') {
+        Some((id, port)) => (id.into(), Some(port)),
+        None => (text.into(), None),
     }
 }
 
@@ -232,4 +243,23 @@ fn export(
     })?;
     anstream::eprintln!("{}  {}", path.display(), show_bytes(bytes.len() as u64));
     Ok(Exit::Success)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::split_port;
+
+    #[test]
+    fn a_port_stands_behind_the_name_or_the_items() {
+        for (text, id, port) in [
+            ("basis", "basis", None),
+            ("basis.mass", "basis", Some("mass")),
+            ("basis.mass@cat", "basis@cat", Some("mass")),
+            ("basis.mass@cat,20.0", "basis@cat,20.0", Some("mass")),
+            ("basis@cat,20.0.mass", "basis@cat,20.0", Some("mass")),
+        ] {
+            let (found, named) = split_port(text);
+            assert_eq!((&*found, named), (id, port), "{text}");
+        }
+    }
 }

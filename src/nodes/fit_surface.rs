@@ -61,7 +61,7 @@ impl FitSurfaceNode {
 impl Node for FitSurfaceNode {
     const SPEC: Spec = Spec {
         kind: "fit_surface",
-        version: 1,
+        version: 2,
         inputs: &[Self::SOURCE_MESH.port(), Self::TARGET_MESH.port(), Self::MATCHES.port()],
         outputs: &[Self::MESH.port(), Self::HEALTH.port()],
         cites: &["sumner2007embedded", "amberg2007optimal", "sorkine2007rigid"],

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInputs, Output, Spec};
 use crate::kernels::geometry::mesh::{TriMesh, Vec3};
 use crate::kernels::matching::find_joints::{
-    Joint, JointOptions, add_images, find_joints, joint_skeleton,
+    Joint, JointOptions, add_images, find_joints, joint_skeleton, trim_to_surface,
 };
 use crate::kernels::matching::fit_joints::{FitOptions, fit_joints};
 use crate::kernels::motion::fit_clip::world_positions;
@@ -23,7 +23,8 @@ use crate::kernels::table::{Column, Table};
 ///
 /// With `surfaces` joints do not lie on the curves but where the surface turns about them: the parts between
 /// joints are moved onto the surface of every pose. Joints that the surfaces can do without are dropped, and
-/// new ones are put where a part does not move as one. Surfaces need no vertices in common.
+/// new ones are put where a part does not move as one. Surfaces need no vertices in common. Limbs end where
+/// their bones would leave the surface at rest.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Joints {
@@ -103,7 +104,7 @@ impl Joints {
 impl Node for Joints {
     const SPEC: Spec = Spec {
         kind: "joints",
-        version: 2,
+        version: 3,
         inputs: &[Self::SKELETON.port(), Self::CLIP.port(), Self::SURFACES.port()],
         outputs: &[Self::JOINTS.port(), Self::REDUCED.port()],
         cites: &["madaras2014skeleton", "pekelny2008articulated", "obrien2000automatic"],
@@ -144,9 +145,15 @@ samples = 500
         let poses: Vec<_> =
             (0..clip.n_frames()).map(|frame| world_positions(&clip, frame, parents)).collect();
         let surfaces = io.get_all_optional(Self::SURFACES);
+        let mut skeleton = (*skeleton).clone();
         let joints = match surfaces.is_empty() {
             true => find_joints(&skeleton, &poses, &self.options())?,
-            false => self.fitted(io, &skeleton, &poses, &surfaces)?,
+            false => {
+                let (joints, rest) = self.fitted(io, &skeleton, &poses, &surfaces)?;
+                let (trimmed, joints) = trim_to_surface(&skeleton, &joints, &surfaces[rest]);
+                skeleton = trimmed;
+                joints
+            }
         };
         if joints.is_empty() {
             let (n_poses, least) = (poses.len(), self.min_angle);
@@ -181,7 +188,7 @@ impl Joints {
         skeleton: &Skeleton,
         poses: &[Vec<Vec3>],
         surfaces: &[Arc<TriMesh>],
-    ) -> Result<Vec<Joint>, NodeError> {
+    ) -> Result<(Vec<Joint>, usize), NodeError> {
         /// Parts turn less than the curves between them bend, where curves cut corners.
         const ANGLE_SHARE: f64 = 0.8;
         let options = self.options();
@@ -211,7 +218,7 @@ impl Joints {
         if self.symmetric {
             add_images(skeleton, &mut joints, &options);
         }
-        Ok(joints)
+        Ok((joints, fit.rest))
     }
 }
 

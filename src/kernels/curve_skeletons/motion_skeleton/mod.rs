@@ -62,7 +62,7 @@ pub struct MotionSkeletonOptions {
 impl Default for MotionSkeletonOptions {
     fn default() -> Self {
         Self {
-            threshold: 0.2,
+            threshold: 0.4,
             min_vertices: 20,
             min_side: 10,
             max_bones: 30,

@@ -76,7 +76,7 @@ const STAGES: [(f64, f64); 4] = [(30.0, 3.0), (10.0, 2.0), (3.0, 4.0 / 3.0), (1.
 /// a limb is reached; stiffness falls from stage to stage (Amberg et al. 2007).
 /// Matches of single vertices may be wrong by far: it is their mean over a limb that counts.
 ///
-/// The target may be a point cloud, or turned inside out: the matches tell the side of normals.
+/// The target may be a point cloud, or turned inside out: the surface tells the side of normals.
 ///
 /// # Errors
 /// See [`FitSurfaceError`].
@@ -114,9 +114,13 @@ pub fn fit_surface(
         step(&mut nodes, STAGES[0].0, None)?;
     }
     let laid = |nodes: &[Vec3]| embedding.deformed(nodes, &embedding.frames(nodes));
-    let roughly = source.with_vertices(laid(&nodes))?;
-    let touch = Touch::new(&roughly, target, matches, options.samples, embedding.n_nodes());
-    for (stiffness, reach) in STAGES {
+    let n_nodes = embedding.n_nodes();
+    let mut touch =
+        Touch::new(&source.with_vertices(laid(&nodes))?, target, options.samples, n_nodes);
+    for (stage, (stiffness, reach)) in STAGES.into_iter().enumerate() {
+        if stage > 0 {
+            touch.turn_sides(&source.with_vertices(laid(&nodes))?);
+        }
         for _ in 0..options.rounds {
             step(&mut nodes, stiffness, Some((&touch, reach)))?;
         }

@@ -6,7 +6,7 @@ use super::pulls::{Pull, Samples, trust};
 use crate::kernels::geometry::cloud_sheets::CloudSheets;
 use crate::kernels::geometry::cloud_sides::sided_normals;
 use crate::kernels::geometry::mesh::{TriMesh, Vec3};
-use crate::kernels::maps::functional_map::PointMap;
+use crate::kernels::geometry::point_tree::PointTree;
 use crate::kernels::maps::nearest::nearest_rows;
 
 /// How far apart two places count that have opposite normals, in roots of the area: half of this is
@@ -19,6 +19,8 @@ const N_NEIGHBORS: usize = 16;
 /// A target with normals, for finding which of its vertices belong to which of the surface's.
 pub struct Touch<'a> {
     target: &'a TriMesh,
+    /// Of a point cloud.
+    sheets: Option<CloudSheets>,
     normals: Vec<Vec3>,
     samples: Samples,
     /// The length that stands for a unit of normals.
@@ -30,20 +32,44 @@ pub struct Touch<'a> {
 
 impl<'a> Touch<'a> {
     /// Prepares a target onto which a surface has been laid roughly, by matches.
-    pub fn new(
-        roughly: &TriMesh,
-        target: &'a TriMesh,
-        matches: &PointMap,
-        samples: usize,
-        n_nodes: usize,
-    ) -> Self {
-        let normals = oriented_normals(roughly, target, matches);
-        let root = roughly.area().sqrt();
+    pub fn new(laid: &TriMesh, target: &'a TriMesh, samples: usize, n_nodes: usize) -> Self {
+        let points = target.vertices();
+        let sheets = target.is_point_cloud().then(|| CloudSheets::new(points, N_NEIGHBORS));
+        let normals = match &sheets {
+            Some(sheets) => sheets.normals().to_vec(),
+            None => target.vertex_normals(),
+        };
+        let root = laid.area().sqrt();
         let normal_length = 0.5 * NORMAL_LENGTH * root;
-        let rows = rows(target.vertices().iter().zip(&normals), normal_length);
         let samples = Samples::of(target, samples, n_nodes);
         let spacing = root / (n_nodes as f64).sqrt();
-        Self { target, normals, samples, normal_length, spacing, rows }
+        let rows = Mat::zeros(0, 6);
+        let mut res = Self { target, sheets, normals, samples, normal_length, spacing, rows };
+        res.turn_sides(laid);
+        res
+    }
+
+    /// Turns the target's normals to the side on which the surface has its own, where it lies now.
+    ///
+    /// A mesh is turned as a whole. Normals of a cloud have no side: a limb that the matches laid askew, or
+    /// between two others, gets its sides better when it lies better.
+    pub fn turn_sides(&mut self, laid: &TriMesh) {
+        let points = self.target.vertices();
+        let votes = votes(laid, points, &self.normals);
+        match &self.sheets {
+            Some(sheets) => {
+                // Votes are for normals as they are, sides for those of the sheets.
+                let own = sheets.normals().iter().zip(&self.normals);
+                let votes = own.zip(votes).map(|((sheet, own), it)| it * sheet.dot(own));
+                let votes: Vec<f64> = votes.collect();
+                self.normals = sided_normals(points, sheets, N_NEIGHBORS, &votes);
+            }
+            None if votes.iter().sum::<f64>() < 0.0 => {
+                self.normals.iter_mut().for_each(|it| *it = -*it);
+            }
+            None => {}
+        }
+        self.rows = rows(points.iter().zip(&self.normals), self.normal_length);
     }
 
     /// Draws samples of the surface to the target's nearest vertices, and the surface's nearest vertices
@@ -96,26 +122,22 @@ fn rows<'a>(
     res
 }
 
-/// The target's normals, on the side on which the surface has its own, as matched vertices say.
-///
-/// What hangs together is turned as a whole, in a cloud as in a mesh: matches take the front of a limb for
-/// its back now and then.
-fn oriented_normals(roughly: &TriMesh, target: &TriMesh, matches: &PointMap) -> Vec<Vec3> {
-    let sheets = target.is_point_cloud().then(|| CloudSheets::new(target.vertices(), N_NEIGHBORS));
-    let normals = match &sheets {
-        Some(sheets) => sheets.normals().to_vec(),
-        None => target.vertex_normals(),
+/// For every target vertex how much speaks for its own normal: those of the surface at the nearest places of
+/// either.
+fn votes(laid: &TriMesh, points: &[Vec3], normals: &[Vec3]) -> Vec<f64> {
+    let own = laid.vertex_normals();
+    let mut found = Vec::new();
+    let tree = PointTree::new(laid.vertices());
+    let mut vote = |(place, normal): (&Vec3, &Vec3)| {
+        tree.nearest(*place, 1, &mut found);
+        own[found[0].1 as usize].dot(normal)
     };
-    let mut votes = vec![0.0; normals.len()];
-    let own = roughly.vertex_normals().into_iter().zip(roughly.vertex_areas());
-    for ((normal, area), &at) in own.zip(&matches.target_of_source) {
-        votes[at as usize] += area * normal.dot(&normals[at as usize]);
+    let mut votes: Vec<f64> = points.iter().zip(normals).map(&mut vote).collect();
+    let tree = PointTree::new(points);
+    for (place, normal) in laid.vertices().iter().zip(&own) {
+        tree.nearest(*place, 1, &mut found);
+        let at = found[0].1 as usize;
+        votes[at] += normal.dot(&normals[at]);
     }
-    match sheets {
-        Some(sheets) => sided_normals(target.vertices(), &sheets, N_NEIGHBORS, &votes),
-        None => {
-            let side = if votes.iter().sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
-            normals.into_iter().map(|it| it * side).collect()
-        }
-    }
+    votes
 }

@@ -7,6 +7,7 @@ mod reduced;
 mod symmetry;
 #[cfg(test)]
 mod tests;
+mod within;
 
 use nalgebra::DMatrix;
 
@@ -15,6 +16,7 @@ use self::centers::centers;
 use self::chains::{Chain, chains};
 pub use self::reduced::joint_skeleton;
 use self::symmetry::images;
+pub use self::within::trim_to_surface;
 use crate::kernels::geometry::mesh::Vec3;
 use crate::kernels::rigs::skeleton::Skeleton;
 

@@ -73,6 +73,8 @@ pub struct Fit {
     pub sides: Vec<[usize; 2]>,
     /// The share of the surface at rest that lies on the surface of each pose; 1 in its own.
     pub fits: Vec<f64>,
+    /// The pose at rest, in which the skeleton is.
+    pub rest: usize,
 }
 
 /// Why joints cannot be fitted.
@@ -163,6 +165,7 @@ pub fn fit_joints(
         motions: figure.all_motions(&state, parts.n_parts()),
         sides: parts.sides,
         fits,
+        rest: figure.rest,
     })
 }
 
