@@ -4,6 +4,7 @@ use std::io::{IsTerminal, Write};
 
 use anstream::ColorChoice;
 use clap::ValueEnum;
+use tracing_subscriber::{filter::Targets, layer::SubscriberExt, util::SubscriberInitExt};
 
 use super::{Failure, GlobalArgs, words::count};
 use crate::engine::pipeline::Diagnostics;
@@ -118,7 +119,8 @@ impl Ui {
     }
 }
 
-/// The developers' log on standard error: `-v`, `-vv` or `SINEW_LOG` in the form of `RUST_LOG`.
+/// The developers' log on standard error: `-v`, `-vv` or `SINEW_LOG`, targets and levels in the form of
+/// `RUST_LOG`.
 fn start_log(verbose: u8) {
     let default = match verbose {
         0 => "",
@@ -126,8 +128,14 @@ fn start_log(verbose: u8) {
         _ => "sinew=trace",
     };
     let wanted = std::env::var("SINEW_LOG").unwrap_or(default.to_owned());
-    if !wanted.is_empty() {
-        let filter = tracing_subscriber::EnvFilter::new(wanted);
-        tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    if wanted.is_empty() {
+        return;
+    }
+    match wanted.parse::<Targets>() {
+        Ok(targets) => {
+            let log = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
+            tracing_subscriber::registry().with(log).with(targets).init();
+        }
+        Err(error) => anstream::eprintln!("`SINEW_LOG` is `{wanted}`: {error}"),
     }
 }
