@@ -43,7 +43,7 @@ pub fn trim_to_surface(
 /// The end of a limb, behind its last joint or the branch that it begins at.
 struct Limb {
     start: Vec3,
-    /// Whether the limb ends there if nothing is left of it.
+    /// Whether nothing of it has to stay: it begins at a branch, not at a joint.
     may_vanish: bool,
     /// From the start to the leaf.
     nodes: Vec<usize>,
