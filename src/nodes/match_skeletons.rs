@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::engine::node::{Input, Node, NodeError, NodeIo, Output, Spec};
 use crate::kernels::geometry::mesh::Vec3;
 use crate::kernels::matching::skeleton_match::{
-    MatchOptions, Partial, Ranking, Rating, SkeletonGraph, SkeletonMatch, collapse,
+    MatchOptions, Partial, Ranking, Rating, SecondRating, SkeletonGraph, SkeletonMatch, collapse,
     default_tolerance, match_skeletons,
 };
 use crate::kernels::rigs::skeleton::Skeleton;
@@ -23,10 +23,12 @@ use crate::kernels::table::{Column, Table};
 pub struct MatchSkeletons {
     /// What the first rating compares.
     pub rating: Rating,
+    /// What ranks matches whose first ratings are near the best.
+    pub second_rating: SecondRating,
     /// Of `lengths`: what a branch more or less at a node costs; all lengths of a skeleton are 1 in sum.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub valence_weight: f64,
-    /// Places decide among matches whose first rating is above the best by this share of it…
+    /// The second rating decides among matches whose first one is above the best by this share of it…
     #[schemars(range(min = 0.0, max = 100.0))]
     pub tolerance_share: f64,
     /// … or by so much: 0.02 of the length or 2 nodes if it is left out.
@@ -65,6 +67,7 @@ impl Default for MatchSkeletons {
         let it = MatchOptions::default();
         Self {
             rating: it.rating,
+            second_rating: it.second_rating,
             valence_weight: it.valence_weight,
             tolerance_share: it.tolerance_share,
             tolerance: None,
@@ -88,6 +91,7 @@ impl MatchSkeletons {
     fn options(&self) -> MatchOptions {
         MatchOptions {
             rating: self.rating,
+            second_rating: self.second_rating,
             valence_weight: self.valence_weight,
             tolerance_share: self.tolerance_share,
             tolerance: self.tolerance.unwrap_or(default_tolerance(self.rating)),

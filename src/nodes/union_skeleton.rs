@@ -26,6 +26,10 @@ pub struct UnionSkeleton {
     /// Joints are one that are nearer than this share of a bone, and each other's nearest.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub threshold: f64,
+    /// Branch nodes are one whose way to each other is shorter than this share of the longest way through
+    /// the skeleton; poses and noise decide about their order. 0 leaves all of them apart.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub hub: f64,
     /// The figure may be turned about the y axis from pose to pose.
     pub turn: bool,
     /// When parts of a skeleton may stay unmatched; they are grafted on.
@@ -38,6 +42,7 @@ impl Default for UnionSkeleton {
         Self {
             reference: it.reference,
             threshold: it.threshold,
+            hub: it.hub,
             turn: false,
             partial: it.matching.partial,
         }
@@ -60,7 +65,7 @@ impl UnionSkeleton {
 impl Node for UnionSkeleton {
     const SPEC: Spec = Spec {
         kind: "union_skeleton",
-        version: 1,
+        version: 2,
         inputs: &[Self::SKELETONS.port()],
         outputs: &[
             Self::SKELETON.port(),
@@ -117,7 +122,12 @@ impl UnionSkeleton {
             turn_axis: self.turn.then(Vec3::y),
             ..UnionOptions::default().matching
         };
-        UnionOptions { matching, threshold: self.threshold, reference: self.reference }
+        UnionOptions {
+            matching,
+            threshold: self.threshold,
+            hub: self.hub,
+            reference: self.reference,
+        }
     }
 }
 

@@ -34,7 +34,7 @@ impl Bend {
 
 type Frames = Vec<UnitQuaternion<f64>>;
 
-/// Measures bends at all samples, in their order, where both sides are long enough to have a direction: at least
+/// Measures bends at all samples, and of the branch nodes at the ends of chains, where both sides are long enough to have a direction: at least
 /// half of `window`. Sides are chords of this length, or shorter at the chain's ends.
 ///
 /// Frames go along the tree from the roots: each sample turns the smallest way against the one before
@@ -50,7 +50,11 @@ pub fn bends(chains: &[Chain], n_poses: usize, window: f64) -> Vec<Bend> {
             .position(|it| it.before == chain.before && it.joints[0] == chain.joints[0]);
         let starts = match first {
             Some(it) => begun[it].clone(),
-            None => frames_at_start(chains, index, &ends, n_poses, window),
+            None => {
+                let starts = frames_at_start(chains, index, &ends, n_poses, window);
+                bends.extend(chain.before.map(|it| at_end(chains, it, window, &ends[it], &starts)));
+                starts
+            }
         };
         begun.push(starts.clone());
         let (found, end) = along(chain, index, starts, window);
@@ -58,6 +62,17 @@ pub fn bends(chains: &[Chain], n_poses: usize, window: f64) -> Vec<Bend> {
         ends.push(end);
     }
     bends
+}
+
+/// How the branch node at the end of a chain turns against the chain; its roll about the chain does not count,
+/// since that of the chain is not known.
+fn at_end(chains: &[Chain], index: usize, window: f64, ends: &Frames, starts: &Frames) -> Bend {
+    let sample = chains[index].ways.len() - 1;
+    let along = chord(&chains[index], None, sample, -reach(window)).unwrap_or_else(Vec3::zeros);
+    let turn = |(end, start): (&UnitQuaternion<f64>, &UnitQuaternion<f64>)| {
+        shortest_arc(along, end.inverse() * (start * along)).scaled_axis()
+    };
+    Bend { chain: index, sample, turns: ends.iter().zip(starts).map(turn).collect() }
 }
 
 /// The chord that ends or begins at a sample; none if it is too short.

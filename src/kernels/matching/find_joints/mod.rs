@@ -173,7 +173,11 @@ fn is_clear(chains: &[Chain], bend: &Bend, window: f64, options: &JointOptions) 
         0 => starts_at_fork && options.at_forks,
         _ => way >= least(starts_at_fork),
     };
-    is_clear_of_start && chain.length() - way >= least(ends_at_fork)
+    let is_clear_of_end = match bend.sample + 1 == chain.ways.len() {
+        true => ends_at_fork && options.at_forks,
+        false => chain.length() - way >= least(ends_at_fork),
+    };
+    is_clear_of_start && is_clear_of_end
 }
 
 /// Bends that are greater than the others near them.

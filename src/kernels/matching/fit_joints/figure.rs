@@ -6,6 +6,7 @@ use super::choose::least_needed;
 use super::parts::{Parts, curve_pairs, motions_of_curves, on_bone};
 use super::samples::{Sample, labels, samples};
 use super::search::{find_lost, misfit, points_of_parts};
+use super::seeds::unknown;
 use super::solve::{Point, Pose, Problem, State, Weights, step};
 use super::split::{View, best_split};
 use super::{Drop, FitError, FitOptions, Fitted, Start};
@@ -77,7 +78,13 @@ impl Figure {
     }
 
     /// Moves the parts between joints onto the surfaces.
-    pub fn fit(&self, joints: &[Joint], start: Start, options: &FitOptions) -> Fitted {
+    pub fn fit(
+        &self,
+        joints: &[Joint],
+        start: Start,
+        finds_lost: bool,
+        options: &FitOptions,
+    ) -> Fitted {
         let parts = Parts::new(&self.skeleton, joints);
         let place =
             |it: &Joint| on_bone(&self.skeleton, self.skeleton.positions(), it.bone, it.share);
@@ -107,7 +114,7 @@ impl Figure {
         };
         let problem = Problem { points: &points, poses: &poses, sides: &parts.sides, cuts: &cuts };
         let mut fits = descend(&mut state, &problem, is_first, options.reach);
-        if is_new && find_lost(&mut state, &points, &poses, &parts, options.reach) {
+        if is_new && finds_lost && find_lost(&mut state, &points, &poses, &parts, options.reach) {
             fits = descend(&mut state, &problem, false, options.reach);
         }
         Fitted { parts, state, points, fits }
@@ -148,16 +155,7 @@ impl Figure {
     ) -> Option<(Joint, f64)> {
         let view = View { fitted, samples: &self.samples, poses: &self.poses(&[]) };
         let cut = best_split(&self.skeleton, &view, taken, options.reach)?;
-        let joint = Joint {
-            bone: cut.bone,
-            share: cut.share,
-            position: cut.place * self.extent,
-            angle: 0.0,
-            n_freedoms: 0,
-            axis: Vec3::zeros(),
-            spreads: [0.0; 3],
-            is_mirrored: false,
-        };
+        let joint = unknown(cut.bone, cut.share, cut.place * self.extent);
         Some((joint, cut.gain))
     }
 

@@ -7,6 +7,7 @@ mod parts;
 mod recut;
 mod samples;
 mod search;
+mod seeds;
 mod solve;
 mod split;
 #[cfg(test)]
@@ -18,6 +19,7 @@ use self::carry_over::{grown, reordered, without};
 use self::figure::Figure;
 use self::parts::Parts;
 use self::recut::recut;
+use self::seeds::seeded;
 use self::solve::{Point, State};
 use super::find_joints::{Joint, JointOptions};
 use crate::kernels::geometry::mesh::{TriMesh, Vec3};
@@ -77,6 +79,14 @@ pub struct Fit {
     pub rest: usize,
 }
 
+impl Fit {
+    /// The share of the surface that is off that of another pose, in the mean.
+    fn lost(&self) -> f64 {
+        let others = self.fits.len().saturating_sub(1).max(1);
+        self.fits.iter().map(|it| 1.0 - it).sum::<f64>() / others as f64
+    }
+}
+
 /// Why joints cannot be fitted.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FitError {
@@ -104,6 +114,9 @@ pub enum FitError {
 /// Then joints go, one after the other, that the surfaces can do without, cuts move to where joints were
 /// found, and a part that lies on a surface only up to a place on its curve is cut there.
 ///
+/// If much of the surface is off then, this begins again from joints all along the skeleton, and what brings
+/// most of the surface to the other poses with the fewest joints is taken.
+///
 /// `surfaces` are one a pose; `skeleton` is in one of the `poses`.
 ///
 /// # Errors
@@ -116,16 +129,67 @@ pub fn fit_joints(
     options: &FitOptions,
 ) -> Result<Fit, FitError> {
     let figure = Figure::new(skeleton, poses, surfaces, options)?;
-    let mut joints = joints.to_vec();
+    let mut best: Option<(f64, Fit)> = None;
+    for beginning in &BEGINNINGS {
+        let joints = match beginning.spacing {
+            Some(spacing) => seeded(skeleton, joints, spacing, figure.extent),
+            None => joints.to_vec(),
+        };
+        let fit = fit_from(&figure, joints, beginning.finds_lost, options);
+        let lost = fit.lost();
+        let score = lost + PER_JOINT * fit.joints.len() as f64;
+        if best.as_ref().is_none_or(|it| score < it.0) {
+            best = Some((score, fit));
+        }
+        if lost <= ENOUGH {
+            break;
+        }
+    }
+    Ok(best.expect("there is a beginning").1)
+}
+
+/// How a fit begins.
+struct Beginning {
+    /// Besides the joints that are given, others so far apart along the curves, in extents. They follow small
+    /// parts, of which those that move alike are united.
+    spacing: Option<f64>,
+    /// Whether parts that are off the surface of a pose are looked for all around their joints: where a curve
+    /// was taken for another one, nothing else brings them back, but a limb fits in more than one way.
+    finds_lost: bool,
+}
+
+/// They are tried in this order.
+const BEGINNINGS: [Beginning; 4] = [
+    Beginning { spacing: None, finds_lost: false },
+    Beginning { spacing: Some(0.1), finds_lost: false },
+    Beginning { spacing: Some(0.07), finds_lost: false },
+    Beginning { spacing: None, finds_lost: true },
+];
+
+/// If so much of the surface is off in the mean pose, no other beginning is tried: skin around joints is
+/// always.
+const ENOUGH: f64 = 0.055;
+
+/// A joint more has to bring so much of the surface to that of the mean pose.
+const PER_JOINT: f64 = 0.0075;
+
+/// Fits joints from where they are, drops and adds some.
+fn fit_from(
+    figure: &Figure,
+    mut joints: Vec<Joint>,
+    finds_lost: bool,
+    options: &FitOptions,
+) -> Fit {
+    let fit = |joints: &[Joint], start: Start| figure.fit(joints, start, finds_lost, options);
     let (mut n_recuts, mut n_splits) = (0, 0);
     // Where joints are or were, which are not tried again.
     let mut taken: Vec<Vec3> = joints.iter().map(|it| it.position / figure.extent).collect();
-    let mut current = figure.fit(&joints, Start::Curves, options);
+    let mut current = fit(&joints, Start::Curves);
     loop {
         figure.describe(&mut joints, &current, options);
         if let Some(drop) = figure.weakest(&joints, &current, options) {
             joints.remove(drop.joint);
-            current = figure.fit(&joints, Start::Merged(without(&current, drop)), options);
+            current = fit(&joints, Start::Merged(without(&current, drop)));
             continue;
         }
         if n_recuts < options.n_recuts && !joints.is_empty() {
@@ -133,7 +197,7 @@ pub fn fit_joints(
             recut(&figure.skeleton, &mut joints, &current.state.joints);
             let moved = Parts::new(&figure.skeleton, &joints);
             let start = reordered(&current.parts, &moved, current.state);
-            current = figure.fit(&joints, Start::Recut(start), options);
+            current = fit(&joints, Start::Recut(start));
             continue;
         }
         if n_splits == options.max_splits {
@@ -146,7 +210,7 @@ pub fn fit_joints(
         let more = [&joints[..], &[joint]].concat();
         let parts = Parts::new(&figure.skeleton, &more);
         let start = grown(&current.parts, &parts, current.state.clone(), place);
-        let tried = figure.fit(&more, Start::Recut(start), options);
+        let tried = fit(&more, Start::Recut(start));
         let lost = |it: &Fitted| figure.lost(it, options);
         if lost(&tried) < lost(&current) - SPLIT_GAIN * gain {
             (joints, current) = (more, tried);
@@ -160,13 +224,13 @@ pub fn fit_joints(
     for (joint, place) in joints.iter_mut().zip(&state.joints) {
         joint.position = place * extent;
     }
-    Ok(Fit {
+    Fit {
         joints,
         motions: figure.all_motions(&state, parts.n_parts()),
         sides: parts.sides,
         fits,
         rest: figure.rest,
-    })
+    }
 }
 
 /// A joint that is added has to bring so much of what is lost to the surface.

@@ -10,7 +10,9 @@ mod record;
 mod search;
 #[cfg(test)]
 mod tests;
+mod turns;
 
+use nalgebra::UnitQuaternion;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -18,9 +20,10 @@ pub use self::collapse::{Branch, Collapsed, collapse};
 pub use self::graph::SkeletonGraph;
 use self::matched::assemble;
 pub use self::matched::{MatchedBranch, SkeletonMatch, SkeletonMatchError};
-pub use self::rating::Rating;
-use self::rating::{mean_distance, normalized_places, sizes};
-use self::search::{Found, Search, Side};
+pub use self::rating::{Rating, SecondRating};
+use self::rating::{best_turn, mean_distance, normalized_places, sizes};
+use self::search::{Found, MatchedWay, Search, Side};
+use self::turns::{Starts, turn_rating};
 use crate::kernels::geometry::mesh::Vec3;
 
 /// The most branch nodes and leaves of a skeleton that is matched.
@@ -30,6 +33,8 @@ const MOST_NODES: usize = 1000;
 #[derive(Debug, Clone, PartialEq)]
 pub struct MatchOptions {
     pub rating: Rating,
+    /// What ranks matches whose first ratings are near the best.
+    pub second_rating: SecondRating,
     /// What a branch more or less at a node costs in [`Rating::Lengths`].
     pub valence_weight: f64,
     /// Matches are kept whose first rating is above the best by this share of it…
@@ -64,6 +69,7 @@ impl Default for MatchOptions {
     fn default() -> Self {
         Self {
             rating: Rating::default(),
+            second_rating: SecondRating::default(),
             valence_weight: 0.1,
             tolerance_share: 0.1,
             tolerance: 0.02,
@@ -144,14 +150,16 @@ pub fn match_skeletons(
     let is_swapped = count(&collapsed[1]) < count(&collapsed[0]);
     let places =
         [normalized_places(source, &collapsed[0]), normalized_places(target, &collapsed[1])];
+    let graphs = [source, target];
     let side = |index: usize| Side {
         collapsed: &collapsed[index],
         sizes: sizes(&collapsed[index], options.rating),
         places: &places[index],
+        starts: Starts::new(graphs[index], &collapsed[index]),
     };
     let (small, large) = (side(usize::from(is_swapped)), side(usize::from(!is_swapped)));
     let (found, is_partial) = search(&small, &large, options);
-    let build = |it: &Found| assemble([source, target], [&small, &large], is_swapped, it);
+    let build = |it: &Found| assemble(graphs, [&small, &large], is_swapped, it);
     Ok(Ranking {
         matches: found.best.iter().map(build).collect(),
         n_found: found.n_found,
@@ -217,9 +225,22 @@ fn ranked(
     Ranked { best, n_found, is_complete }
 }
 
-/// The second rating of matched places.
-fn second_rating(small: &Side<'_>, large: &Side<'_>, image: &[u32], axis: Option<&Vec3>) -> f64 {
+/// The second rating of matched nodes and ways.
+fn second_rating(
+    [small, large]: [&Side<'_>; 2],
+    image: &[u32],
+    ways: &[MatchedWay],
+    options: &MatchOptions,
+) -> f64 {
     let pair = |(a, &b): (usize, &u32)| Some((small.places[a], *large.places.get(b as usize)?));
     let pairs: Vec<(Vec3, Vec3)> = image.iter().enumerate().filter_map(pair).collect();
-    mean_distance(&pairs, axis)
+    let axis = options.turn_axis.as_ref();
+    match options.second_rating {
+        SecondRating::Places => mean_distance(&pairs, axis),
+        SecondRating::Directions => {
+            let turn = axis.map_or_else(UnitQuaternion::identity, |axis| best_turn(&pairs, axis));
+            let sides = [small, large].map(|it| (it.collapsed, &it.starts));
+            turn_rating(sides, ways, &turn)
+        }
+    }
 }

@@ -20,6 +20,18 @@ pub enum Rating {
     NodeCounts,
 }
 
+/// What the second rating compares.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SecondRating {
+    /// Places of matched nodes, after position and size are taken away: as in the paper.
+    #[default]
+    Places,
+    /// The directions in which branches leave their branch nodes, after each of these has been turned as
+    /// fits best. Left and right stay apart where a pose brings one limb to where another was.
+    Directions,
+}
+
 /// What branches count in the first rating, in the skeleton's own terms.
 pub fn sizes(collapsed: &Collapsed, rating: Rating) -> Vec<f64> {
     let total = collapsed.total_length();

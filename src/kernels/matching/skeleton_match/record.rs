@@ -6,19 +6,14 @@ use super::second_rating;
 impl Search<'_> {
     /// Takes down a match. Returns false if there are enough.
     pub(super) fn record(&mut self, state: &State) -> bool {
-        let axis = self.options.turn_axis.as_ref();
         let first_rating = state.cost.max(0.0);
         if let Goal::Least { least } = &mut self.goal {
             *least = least.min(first_rating);
             return true;
         }
-        let second = second_rating(self.small, self.large, &self.image, axis);
-        let found = Found {
-            image: self.image.clone(),
-            ways: Vec::new(),
-            first_rating,
-            second_rating: second,
-        };
+        let ways = self.matched_ways();
+        let second = second_rating([self.small, self.large], &self.image, &ways, self.options);
+        let found = Found { image: self.image.clone(), ways, first_rating, second_rating: second };
         let order = |it: &Found| {
             let ratings = (it.second_rating, it.first_rating);
             let by_rating = ratings.0.total_cmp(&found.second_rating);
@@ -28,12 +23,10 @@ impl Search<'_> {
         let Goal::All { best, n_found, .. } = &self.goal else { return true };
         let is_last = n_found + 1 >= self.options.max_matches;
         let place = best.partition_point(|it| order(it).is_lt());
-        let is_kept = place < self.options.n_kept;
-        let made = is_kept.then(|| Found { ways: self.matched_ways(), ..found });
         let Goal::All { best, n_found, .. } = &mut self.goal else { return true };
         *n_found += 1;
-        if let Some(made) = made {
-            best.insert(place, made);
+        if place < self.options.n_kept {
+            best.insert(place, found);
             best.truncate(self.options.n_kept);
         }
         !is_last

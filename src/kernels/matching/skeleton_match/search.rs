@@ -4,7 +4,8 @@ use super::MatchOptions;
 use super::candidates::{Candidate, Way};
 use super::collapse::Collapsed;
 use super::plan::{Plan, plan};
-use super::rating::{Rating, least_distance};
+use super::rating::{Rating, SecondRating, least_distance};
+use super::turns::Starts;
 use crate::kernels::geometry::mesh::Vec3;
 
 /// The image of a node that has none.
@@ -20,6 +21,7 @@ pub struct Side<'a> {
     pub sizes: Vec<f64>,
     /// Normalized places of its nodes.
     pub places: &'a [Vec3],
+    pub starts: Starts,
 }
 
 /// A way to put the smaller skeleton into the larger one.
@@ -242,8 +244,11 @@ impl<'a> Search<'a> {
             Goal::Least { least } => least_cost > least - SAME,
             Goal::All { bound, best, .. } => {
                 let mean = state.distance / self.image.len() as f64;
+                // Distances say nothing of directions.
+                let is_by_place = self.options.second_rating == SecondRating::Places;
                 least_cost > bound + SAME
-                    || (best.len() >= self.options.n_kept
+                    || (is_by_place
+                        && best.len() >= self.options.n_kept
                         && best.last().is_some_and(|it| mean > it.second_rating + SAME))
             }
         }

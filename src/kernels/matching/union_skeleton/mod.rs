@@ -1,5 +1,6 @@
 //! One skeleton for many poses of a figure.
 
+mod hubs;
 mod merge;
 #[cfg(test)]
 mod tests;
@@ -7,10 +8,11 @@ mod tree;
 
 use nalgebra::Matrix3;
 
+use self::hubs::with_hubs;
 use self::merge::merge;
 use self::tree::UnionTree;
 use super::skeleton_match::{
-    MatchError, MatchOptions, Partial, SkeletonGraph, SkeletonMatch, match_skeletons,
+    MatchError, MatchOptions, Partial, SecondRating, SkeletonGraph, SkeletonMatch, match_skeletons,
 };
 use crate::kernels::geometry::kabsch::{best_rotation, shortest_arc};
 use crate::kernels::geometry::mesh::Vec3;
@@ -26,20 +28,25 @@ pub struct UnionOptions {
     pub matching: MatchOptions,
     /// Nodes are the same that are closer than this share of a bone.
     pub threshold: f64,
+    /// Branch nodes are one whose way to each other is shorter than this share of the longest way through
+    /// the skeleton.
+    pub hub: f64,
     /// The pose of the union's rest; the straightest one without.
     pub reference: Option<usize>,
 }
 
 impl Default for UnionOptions {
     fn default() -> Self {
-        // One figure: places tell limbs apart better than lengths, which poses change.
+        // One figure: how limbs leave the trunk tells them apart better than lengths, which are alike left and
+        // right, and than places, which poses change.
         let matching = MatchOptions {
             partial: Partial::Always,
+            second_rating: SecondRating::Directions,
             tolerance: 0.1,
             n_kept: 10,
             ..Default::default()
         };
-        Self { matching, threshold: 0.25, reference: None }
+        Self { matching, threshold: 0.25, hub: 0.08, reference: None }
     }
 }
 
@@ -90,15 +97,16 @@ pub fn union_skeleton(poses: &[&Skeleton], options: &UnionOptions) -> Result<Uni
     if let Some(reference) = options.reference.filter(|&it| it >= n_poses) {
         return Err(UnionError::Reference { reference, n_poses });
     }
+    let poses: Vec<Skeleton> = poses.iter().map(|it| with_hubs(it, options.hub)).collect();
     let mut order: Vec<usize> = (0..n_poses).collect();
     order.sort_by_key(|&it| poses[it].n_joints());
     let Some((&first, rest)) = order.split_first() else { return Err(UnionError::Nothing) };
-    let mut tree = UnionTree::new(poses[first], first);
+    let mut tree = UnionTree::new(&poses[first], first);
     let mut ratings = vec![None; n_poses];
     for &pose in rest {
-        let (matched, near) = best_match(&tree, poses[pose], pose, &options.matching)?;
+        let (matched, near) = best_match(&tree, &poses[pose], pose, &options.matching)?;
         ratings[pose] = Some((matched.ratings(), near));
-        merge(&mut tree, poses[pose], pose, &matched, options.threshold);
+        merge(&mut tree, &poses[pose], pose, &matched, options.threshold);
     }
     Ok(finish(&tree, ratings, options.reference))
 }
