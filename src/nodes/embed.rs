@@ -93,7 +93,7 @@ impl EmbedNode {
 impl Node for EmbedNode {
     const SPEC: Spec = Spec {
         kind: "embed",
-        version: 3,
+        version: 4,
         inputs: &[Self::MESH.port(), Self::SKELETON.port(), Self::SOURCE_MESH.port()],
         outputs: &[
             Self::EMBEDDED.port(),

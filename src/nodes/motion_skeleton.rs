@@ -121,7 +121,7 @@ impl MotionSkeletonNode {
 impl Node for MotionSkeletonNode {
     const SPEC: Spec = Spec {
         kind: "motion_skeleton",
-        version: 1,
+        version: 2,
         inputs: &[Self::SEQUENCE.port(), Self::CURVES.port(), Self::REST.port()],
         outputs: &[
             Self::SKELETON.port(),

@@ -70,7 +70,7 @@ impl SkeletonizeLe {
 impl Node for SkeletonizeLe {
     const SPEC: Spec = Spec {
         kind: "skeletonize_le",
-        version: 1,
+        version: 2,
         inputs: &[Self::SEQUENCE.port(), Self::REST.port()],
         outputs: &[
             Self::SKELETON.port(),

@@ -36,7 +36,8 @@ pub struct SsdrNode {
     /// … so many times in a row.
     #[schemars(range(min = 1, max = 1000))]
     pub patience: usize,
-    /// How strongly bones hold to the vertices that are mostly theirs; 0 gives the least error.
+    /// How strongly bones hold to the vertices that are mostly theirs. 0 gives the least error; with 10
+    /// bones that share their vertices stay a few times closer to them.
     pub affinity: f64,
     /// How strongly weights are pulled towards those of neighbours that move alike.
     pub smoothness: f64,
@@ -70,7 +71,7 @@ impl SsdrNode {
 impl Node for SsdrNode {
     const SPEC: Spec = Spec {
         kind: "ssdr",
-        version: 1,
+        version: 2,
         inputs: &[Self::SEQUENCE.port(), Self::REST.port()],
         outputs: &[
             Self::SKELETON.port(),

@@ -75,6 +75,8 @@ impl Default for MotionSkeletonOptions {
                 max_iterations: 5,
                 tolerance: 1e-2,
                 patience: 1,
+                // Joints are where bones meet, so bones must not leave their vertices.
+                affinity: 10.0,
                 ..SsdrOptions::default()
             },
         }

@@ -70,6 +70,8 @@ fn decomposed(moving: &Moving<'_>, options: &LeOptions) -> Result<Ssdr, Baseline
         max_iterations: options.iterations,
         tolerance: 1e-2,
         patience: 1,
+        // Joints are where bones meet, so bones must not leave their vertices.
+        affinity: 10.0,
         ..SsdrOptions::default()
     };
     let refit = SsdrOptions { max_iterations: options.refits, ..first.clone() };

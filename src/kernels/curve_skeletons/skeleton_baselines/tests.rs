@@ -183,11 +183,12 @@ fn a_chain_of_three_is_found() {
     assert!(share(&found.weights) > 0.93, "{}", share(&found.weights));
     // A chain has the middle bone between the others, and that is nearest to the centroid.
     assert_eq!(found.skeleton.parents(), [None, Some(0), Some(0)]);
-    let found = skeletonize_le(&moving, &le(3)).unwrap();
-    assert!(share(&found.weights) > 0.97, "{}", share(&found.weights));
-    assert!(found.error < 0.02, "{}", found.error);
+    let found = skeletonize_le(&moving, &LeOptions { iterations: 20, ..le(3) }).unwrap();
+    assert_eq!(share(&found.weights), 1.0);
+    assert!(found.error < 1e-6, "{}", found.error);
     assert_eq!(found.skeleton.n_joints(), 5);
-    // Two rounds of fitting leave the bones' motions, and so the joints, a little off.
+    // The middle of the border, to which joints are pulled, is that of the few weights that bars in
+    // truth do not share.
     for joint in joints {
         let off = found.skeleton.positions().iter().map(|it| (it - joint).norm());
         let off = off.fold(1.0, f64::min);

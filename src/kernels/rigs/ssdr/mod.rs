@@ -3,19 +3,27 @@
 //! Positions are kept as a `3T x V` matrix (a column a vertex), bone motions as a `3T x 4B` matrix (a
 //! `3 x 4` block a frame and bone), so that what vertices and bones have in common are matrix products.
 
+mod additions;
 mod clusters;
+mod descent;
 mod motions;
+mod moving;
+mod sample;
+mod search;
+mod simplex;
 mod smoothing;
 mod weights;
 
-use faer::{Mat, MatRef};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
 use super::weights::SkinWeights;
 use crate::kernels::geometry::mesh::Vec3;
 
+use descent::Descent;
 use motions::Motions;
-use smoothing::Smoothing;
+use moving::Moving;
+use smoothing::{Smoothing, edges_of};
+use weights::Row;
 
 /// What is decomposed how.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,11 +52,11 @@ impl Default for SsdrOptions {
             n_bones: 20,
             max_influences: 4,
             max_iterations: 100,
-            tolerance: 1e-3,
+            tolerance: 1e-2,
             patience: 3,
             motion_sweeps: 5,
             weight_sweeps: 3,
-            affinity: 10.0,
+            affinity: 0.0,
             smoothness: 1e-4,
         }
     }
@@ -63,7 +71,7 @@ pub struct Ssdr {
     pub motions: Vec<Isometry3<f64>>,
     /// The bones' centres in the rest pose: means of the vertices by weight.
     pub centers: Vec<Vec3>,
-    /// The label (of those given, or of the clusters found) that every bone began with, ascending: a
+    /// The label (of those given, or the number of the bone found) that every bone began with, ascending: a
     /// bone that ends up moving nothing is not there.
     pub label_of_bone: Vec<u32>,
     /// The root of the mean squared distance over all frames and vertices, in mesh units.
@@ -95,8 +103,9 @@ pub enum SsdrError {
 ///
 /// Minimizes `sum_t sum_i |v_i^t - sum_j w_ij (R_j^t u_i + T_j^t)|^2` over rotations, translations
 /// and weights that are not negative and sum to one: bones are fitted one after the other, in closed
-/// form, then the weights of every vertex. It starts from clusters of vertices that move alike, or
-/// from `labels` (a bone a vertex). `faces` only say which vertices are neighbours.
+/// form, then the weights of every vertex. Without `labels` (a bone a vertex) it starts from bones that
+/// were found on few of the vertices: clusters that move alike, of which those that do little are
+/// moved to where the error is largest. `faces` only say which vertices are neighbours.
 ///
 /// # Errors
 /// See [`SsdrError`].
@@ -112,27 +121,51 @@ pub fn ssdr(
     if !(moving.scale > 0.0 && moving.squares.iter().all(|it| it.is_finite())) {
         return Err(SsdrError::Range);
     }
-    let given = match labels {
-        Some(labels) => labels.to_vec(),
-        None => clusters::clusters(&moving, options.n_bones),
+    let edges = edges_of(rest, faces);
+    let (start, known) = match labels {
+        Some(labels) => {
+            let (labels, known) = compact(labels);
+            (from_labels(&moving, &labels), known)
+        }
+        None => {
+            let start = search::search(&moving, &edges, options);
+            let known = (0..start.0.n_bones() as u32).collect();
+            (start, known)
+        }
     };
-    let (labels, known) = compact(&given);
-    let smoothing = (options.smoothness > 0.0).then(|| Smoothing::new(&moving, faces));
-    let mut rows: Vec<weights::Row> = labels.iter().map(|&it| vec![(it, 1.0)]).collect();
+    let ((motions, rows), history) = match options.max_iterations {
+        0 => (start, Vec::new()),
+        _ => descended(&moving, &Smoothing::new(&moving, &edges), start, options),
+    };
+    Ok(finish(rest, frames, &moving, (rows, &motions, &known), history))
+}
+
+/// A bone for every label.
+fn from_labels(moving: &Moving, labels: &[u32]) -> (Motions, Vec<Row>) {
     let n_bones = labels.iter().max().map_or(1, |it| *it as usize + 1);
-    let mut motions = Motions::identity(&moving, n_bones);
-    motions.fit_rigid(&moving, &labels);
+    let mut motions = Motions::identity(moving, n_bones);
+    motions.fit_rigid(moving, labels);
+    (motions, labels.iter().map(|&it| vec![(it, 1.0)]).collect())
+}
+
+/// The best motions and weights of a descent, and the error after every step.
+fn descended(
+    moving: &Moving,
+    smoothing: &Smoothing,
+    (motions, rows): (Motions, Vec<Row>),
+    options: &SsdrOptions,
+) -> ((Motions, Vec<Row>), Vec<f64>) {
+    let mut descent = Descent::new(moving, smoothing, options, motions, rows);
     let mut history: Vec<f64> = Vec::new();
-    let mut best: Option<(f64, Vec<weights::Row>, Motions)> = None;
+    let mut best: Option<(f64, Motions, Vec<Row>)> = None;
     let mut n_idle = 0;
     for _ in 0..options.max_iterations {
-        motions.improve(&moving, &rows, options);
-        weights::improve(&moving, &motions, &mut rows, smoothing.as_ref(), options);
-        let error = moving.error(&motions, &rows);
-        let before = best.as_ref().map_or(f64::INFINITY, |it| it.0);
+        descent.step();
+        let error = descent.rmse();
         history.push(error / moving.scale);
+        let before = best.as_ref().map_or(f64::INFINITY, |it| it.0);
         if error < before {
-            best = Some((error, rows.clone(), motions.clone()));
+            best = Some((error, descent.motions.clone(), descent.rows.clone()));
         }
         // Infinite before the first iteration: no gain is idle then.
         n_idle = if before - error < options.tolerance * before { n_idle + 1 } else { 0 };
@@ -140,10 +173,8 @@ pub fn ssdr(
             break;
         }
     }
-    if let Some((_, best_rows, best_motions)) = best {
-        (rows, motions) = (best_rows, best_motions);
-    }
-    Ok(finish(rest, frames, &moving, (rows, &motions, &known), history))
+    let best = best.map(|(_, motions, rows)| (motions, rows));
+    (best.unwrap_or((descent.motions, descent.rows)), history)
 }
 
 fn check(
@@ -207,67 +238,12 @@ fn compact(labels: &[u32]) -> (Vec<u32>, Vec<u32>) {
     (labels.iter().map(number).collect(), known)
 }
 
-/// The moving mesh, with every frame about its own centre and a size of about one.
-struct Moving {
-    /// Homogeneous rest positions.
-    rest: Vec<[f64; 4]>,
-    /// `3T x V`.
-    frames: Mat<f64>,
-    /// The squared length of every column of `frames`.
-    squares: Vec<f64>,
-    rest_center: Vec3,
-    centers: Vec<Vec3>,
-    scale: f64,
-}
-
-impl Moving {
-    fn new(rest: &[Vec3], frames: &[&[Vec3]]) -> Self {
-        let center = |points: &[Vec3]| points.iter().sum::<Vec3>() / points.len() as f64;
-        let rest_center = center(rest);
-        let centers: Vec<Vec3> = frames.iter().map(|it| center(it)).collect();
-        let square: f64 = rest.iter().map(|it| (it - rest_center).norm_squared()).sum();
-        let size = (square / rest.len() as f64).sqrt();
-        // All vertices at one place have no size.
-        let scale = if size == 0.0 { 1.0 } else { 1.0 / size };
-        let homogeneous = |it: &Vec3| {
-            let at = (it - rest_center) * scale;
-            [at.x, at.y, at.z, 1.0]
-        };
-        let matrix = Mat::from_fn(3 * frames.len(), rest.len(), |row, vertex| {
-            let (frame, axis) = (row / 3, row % 3);
-            (frames[frame][vertex][axis] - centers[frame][axis]) * scale
-        });
-        let squares = (0..rest.len()).map(|it| matrix.col(it).squared_norm_l2()).collect();
-        let rest = rest.iter().map(homogeneous).collect();
-        Self { rest, frames: matrix, squares, rest_center, centers, scale }
-    }
-
-    fn n_vertices(&self) -> usize {
-        self.rest.len()
-    }
-
-    fn n_frames(&self) -> usize {
-        self.centers.len()
-    }
-
-    /// The positions of some vertices, by columns.
-    fn columns(&self, range: std::ops::Range<usize>) -> MatRef<'_, f64> {
-        self.frames.as_ref().subcols(range.start, range.len())
-    }
-
-    /// The root of the mean squared distance of the skinned vertices, in the scaled unit.
-    fn error(&self, motions: &Motions, rows: &[weights::Row]) -> f64 {
-        let square = weights::square_errors(self, motions, rows).iter().sum::<f64>();
-        (square / (self.n_vertices() * self.n_frames()) as f64).sqrt()
-    }
-}
-
 /// Drops bones that move nothing, and goes back to the frame of the mesh.
 fn finish(
     rest: &[Vec3],
     frames: &[&[Vec3]],
     moving: &Moving,
-    (rows, motions, labels): (Vec<weights::Row>, &Motions, &[u32]),
+    (rows, motions, labels): (Vec<Row>, &Motions, &[u32]),
     history: Vec<f64>,
 ) -> Ssdr {
     let mut totals = vec![0.0; motions.n_bones()];

@@ -5,11 +5,11 @@ use faer::{Accum, Mat, Par};
 use nalgebra::{Matrix3, Matrix4, SMatrix};
 use rayon::prelude::*;
 
-use super::{Moving, SsdrOptions, weights::Row};
+use super::{Moving, SsdrOptions, additions::Addition, weights::Row};
 use crate::kernels::geometry::kabsch::best_rotation;
 use crate::kernels::geometry::mesh::Vec3;
 
-type Matrix3x4 = SMatrix<f64, 3, 4>;
+pub type Matrix3x4 = SMatrix<f64, 3, 4>;
 
 /// `3T x 4B`: a rotation and a translation for every frame and bone.
 #[derive(Debug, Clone)]
@@ -37,6 +37,37 @@ impl Motions {
         (block.fixed_columns::<3>(0).into_owned(), block.column(3).into_owned())
     }
 
+    /// Some of the bones, then others.
+    pub fn with(&self, kept: &[usize], added: &[Addition]) -> Self {
+        let n_bones = kept.len() + added.len();
+        let matrix = Mat::from_fn(self.matrix.nrows(), 4 * n_bones, |row, column| {
+            let (bone, axis) = (column / 4, column % 4);
+            match kept.get(bone) {
+                Some(old) => self.matrix[(row, 4 * old + axis)],
+                None => added[bone - kept.len()].motion[row / 3][(row % 3, axis)],
+            }
+        });
+        Self { matrix }
+    }
+
+    /// `3T x V`: where vertices are, less where they are skinned to.
+    pub fn residuals(&self, moving: &Moving, rows: &[Row]) -> Mat<f64> {
+        let mut res = moving.frames.clone();
+        for (vertex, row) in rows.iter().enumerate() {
+            let column = res.col_as_slice_mut(vertex);
+            for &(bone, weight) in row {
+                for (axis, coordinate) in moving.rest[vertex].iter().enumerate() {
+                    let share = weight * coordinate;
+                    let motion = self.matrix.col_as_slice(4 * bone as usize + axis);
+                    for (sum, it) in column.iter_mut().zip(motion) {
+                        *sum -= share * it;
+                    }
+                }
+            }
+        }
+        res
+    }
+
     /// `G = M^T M`, `4B x 4B`.
     pub fn gram(&self) -> Mat<f64> {
         let mut gram = Mat::zeros(self.matrix.ncols(), self.matrix.ncols());
@@ -50,6 +81,21 @@ impl Motions {
         let rows: Vec<Row> = labels.iter().map(|&it| vec![(it, 1.0)]).collect();
         let options = SsdrOptions { motion_sweeps: 1, affinity: 0.0, ..SsdrOptions::default() };
         self.improve(moving, &rows, &options);
+    }
+
+    /// Further on the way from the motions before to these, by a share of it.
+    pub fn beyond(&self, before: &Self, share: f64) -> Self {
+        let mut res = self.clone();
+        for frame in 0..self.matrix.nrows() / 3 {
+            for bone in 0..self.n_bones() {
+                let now = block(&self.matrix, frame, bone);
+                let mut further = now + (now - block(&before.matrix, frame, bone)) * share;
+                let rotation = best_rotation(&further.fixed_columns::<3>(0).into_owned());
+                further.fixed_columns_mut::<3>(0).copy_from(rotation.to_rotation_matrix().matrix());
+                res.set(frame, bone, &further);
+            }
+        }
+        res
     }
 
     /// Fits the bones one after the other to what the others leave, a few rounds in every frame.
@@ -81,11 +127,15 @@ impl Motions {
             (0..moving.n_frames()).into_par_iter().map(work).collect();
         for (frame, bones) in fitted.iter().enumerate() {
             for (bone, motion) in bones.iter().enumerate() {
-                for column in 0..4 {
-                    for row in 0..3 {
-                        self.matrix[(3 * frame + row, 4 * bone + column)] = motion[(row, column)];
-                    }
-                }
+                self.set(frame, bone, motion);
+            }
+        }
+    }
+
+    fn set(&mut self, frame: usize, bone: usize, motion: &Matrix3x4) {
+        for column in 0..4 {
+            for row in 0..3 {
+                self.matrix[(3 * frame + row, 4 * bone + column)] = motion[(row, column)];
             }
         }
     }
@@ -97,7 +147,7 @@ fn block(matrix: &Mat<f64>, frame: usize, bone: usize) -> Matrix3x4 {
 
 /// The rigid motion for `target = sum w v u^T` (`3 x 4`) and `moments = sum w^2 u u^T` (`4 x 4`);
 /// `None` if the bone moves nothing.
-fn fit(target: &Matrix3x4, moments: &Matrix4<f64>) -> Option<Matrix3x4> {
+pub fn fit(target: &Matrix3x4, moments: &Matrix4<f64>) -> Option<Matrix3x4> {
     let total = moments[(3, 3)];
     if !(total > 1e-12) {
         return None;

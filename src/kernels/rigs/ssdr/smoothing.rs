@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use faer::Mat;
 
 use super::{Moving, weights::Row};
+use crate::kernels::geometry::mesh::Vec3;
 use crate::kernels::numerics::sparse::CsrMatrix;
 use crate::kernels::numerics::sparse_cholesky::SparseCholesky;
 
@@ -15,18 +16,12 @@ use crate::kernels::numerics::sparse_cholesky::SparseCholesky;
 pub struct Smoothing {
     degrees: Vec<f64>,
     factor: Option<SparseCholesky>,
+    has_neighbours: Vec<bool>,
 }
 
 impl Smoothing {
-    pub fn new(moving: &Moving, faces: &[[u32; 3]]) -> Self {
-        let mut edges: BTreeMap<(u32, u32), f64> = BTreeMap::new();
-        for &[a, b, c] in faces {
-            for (a, b) in [(a, b), (b, c), (c, a)] {
-                if a != b {
-                    edges.entry((a.min(b), a.max(b))).or_insert(0.0);
-                }
-            }
-        }
+    pub fn new(moving: &Moving, edges: &[(u32, u32)]) -> Self {
+        let mut edges: BTreeMap<(u32, u32), f64> = edges.iter().map(|it| (*it, 0.0)).collect();
         for (&(a, b), weight) in &mut edges {
             *weight = 1.0 / (change(moving, a as usize, b as usize) + 1e-6);
         }
@@ -35,6 +30,7 @@ impl Smoothing {
             degrees[a as usize] += weight;
             degrees[b as usize] += weight;
         }
+        let has_neighbours = degrees.iter().map(|it| *it > 0.0).collect();
         let mut triplets = Vec::with_capacity(2 * edges.len() + degrees.len());
         for (vertex, degree) in degrees.iter_mut().enumerate() {
             if *degree == 0.0 {
@@ -50,7 +46,11 @@ impl Smoothing {
         }
         let n = moving.n_vertices();
         let factor = SparseCholesky::new(&CsrMatrix::from_triplets(n, n, &triplets));
-        Self { degrees, factor }
+        Self { degrees, factor, has_neighbours }
+    }
+
+    pub fn has_neighbours(&self, vertex: usize) -> bool {
+        self.has_neighbours[vertex]
     }
 
     /// The smoothed weights, `V x B`.
@@ -79,4 +79,19 @@ fn change(moving: &Moving, a: usize, b: usize) -> f64 {
         (length.sqrt() - rest).powi(2)
     });
     (squares.sum::<f64>() / moving.n_frames() as f64).sqrt()
+}
+
+/// The edges of faces, ascending, and between vertices at the same place: where textures have seams,
+/// a mesh is cut without being in pieces.
+pub fn edges_of(rest: &[Vec3], faces: &[[u32; 3]]) -> Vec<(u32, u32)> {
+    let corners = faces.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
+    let key = |it: u32| rest[it as usize].map(f64::to_bits).into();
+    let mut order: Vec<([u64; 3], u32)> = (0..rest.len() as u32).map(|it| (key(it), it)).collect();
+    order.sort_unstable();
+    let same = order.windows(2).filter(|it| it[0].0 == it[1].0).map(|it| (it[0].1, it[1].1));
+    let mut edges: Vec<(u32, u32)> =
+        corners.chain(same).filter(|(a, b)| a != b).map(|(a, b)| (a.min(b), a.max(b))).collect();
+    edges.sort_unstable();
+    edges.dedup();
+    edges
 }

@@ -114,6 +114,66 @@ fn more_bones_and_more_influences_fit_better() {
     assert!(error(1, 4) > 0.1);
 }
 
+#[test]
+fn more_bones_are_never_worse() {
+    let (rest, faces, frames) = bending();
+    let error = |n| ssdr(&rest, &faces, &slices(&frames), None, &exact(n)).unwrap().rmse;
+    let errors: Vec<f64> = [1, 2, 4, 8, 16].map(error).to_vec();
+    for pair in errors.windows(2) {
+        assert!(pair[1] < 0.7 * pair[0], "{errors:?}");
+    }
+}
+
+/// From clusters alone a body keeps some pairs of bones where one would do, and lacks others.
+#[test]
+fn bones_go_where_the_error_is() {
+    let (mesh, frames) = walking();
+    let (rest, frames) = (mesh.vertices(), slices(&frames));
+    let moving = Moving::new(rest, &frames);
+    for n_bones in [14, 16, 20] {
+        let error = |labels: Option<&[u32]>| {
+            ssdr(rest, mesh.faces(), &frames, labels, &exact(n_bones)).unwrap().rmse
+        };
+        let from_clusters = error(Some(&clusters::clusters(&moving, n_bones)));
+        let found = error(None);
+        assert!(found < 0.5 * from_clusters, "{n_bones} bones: {found} {from_clusters}");
+    }
+}
+
+/// Seams of textures cut meshes: every face with corners of its own is the same surface.
+#[test]
+fn a_mesh_in_pieces_that_touch_is_one() {
+    let (rest, faces, frames) = bending();
+    let corners: Vec<u32> = faces.iter().flatten().copied().collect();
+    let apart = |points: &Vec<Vec3>| -> Vec<Vec3> {
+        corners.iter().map(|&it| points[it as usize]).collect()
+    };
+    let pieces: Vec<[u32; 3]> =
+        (0..faces.len() as u32).map(|it| [3 * it, 3 * it + 1, 3 * it + 2]).collect();
+    let moved: Vec<Vec<Vec3>> = frames.iter().map(apart).collect();
+    let whole = ssdr(&rest, &faces, &slices(&frames), None, &exact(6)).unwrap().rmse;
+    let cut = ssdr(&apart(&rest), &pieces, &slices(&moved), None, &exact(6)).unwrap().rmse;
+    assert!(cut < 1.3 * whole, "{cut} {whole}");
+}
+
+/// A vertex that no face has takes the bones that fit it best.
+#[test]
+fn loose_vertices_are_moved() {
+    let (mesh, frames, _) = hinged();
+    let options = SsdrOptions { n_bones: 2, ..Default::default() };
+    let res = ssdr(mesh.vertices(), &[], &slices(&frames), None, &options).unwrap();
+    assert!(res.rmse < 1e-6, "{}", res.rmse);
+}
+
+fn walking() -> (TriMesh, Vec<Vec<Vec3>>) {
+    let body = synthesize(&SynthesizeOptions { n_vertices: 1000, ..Default::default() }).unwrap();
+    let frames = (0..body.clip.n_frames())
+        .step_by(2)
+        .map(|frame| skin(&body.mesh, &body.skeleton, &body.weights, &body.clip, frame).unwrap())
+        .collect();
+    (body.mesh, frames)
+}
+
 /// A body that was skinned is decomposed to nearly nothing from the true bones.
 #[test]
 fn a_skinned_body_is_decomposed() {
@@ -134,7 +194,7 @@ fn a_skinned_body_is_decomposed() {
     let from_truth = run(Some(&labels[..]), &exact(1));
     let found = run(None, &exact(20));
     println!("from true labels {:.5}, from clusters {:.5}", from_truth.rmse, found.rmse);
-    assert!(from_truth.rmse < 1e-3 && found.rmse < 2e-3);
+    assert!(from_truth.rmse < 1e-3 && found.rmse < 2e-4);
     let again = rmse(rest, &slices(&frames), &found.weights, &found.motions);
     assert_eq!(again, found.rmse);
 }
