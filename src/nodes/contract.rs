@@ -65,7 +65,8 @@ pub struct Contract {
     /// Unite nodes that are closer than this part of the shape's radius around them.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub spacing: f64,
-    /// Move nodes to the middle of the rings between their regions.
+    /// Move nodes to the middle: of the rings between their regions, and of closed surfaces to where
+    /// rays across the curve go equally far, with new nodes in long edges.
     pub recenter: bool,
     /// What becomes of cycles.
     pub cycles: ContractedCycles,
@@ -75,7 +76,7 @@ pub struct Contract {
     #[schemars(range(min = 0.0, max = 100.0))]
     pub prune_radii: f64,
     /// Move nodes to where the normals of their vertices meet, for shapes of which only one side was
-    /// seen. On others rings tell the middle better.
+    /// seen. On others rings and rays tell the middle better; rays are left out then.
     pub place_by_normals: bool,
     /// With `place_by_normals`: the weight of the lengths of edges, in the mean number of vertices of
     /// a node.
@@ -213,6 +214,7 @@ impl Contract {
             },
             prune: PruneOptions { max_nodes: self.prune_nodes, max_radii: self.prune_radii },
             placement: self.place_by_normals.then_some(placement),
+            center: default.center.filter(|_| self.recenter && !self.place_by_normals),
             pull_inside: self.pull_inside,
             connect: self.connect,
         }
@@ -222,7 +224,7 @@ impl Contract {
 impl Node for Contract {
     const SPEC: Spec = Spec {
         kind: "contract",
-        version: 1,
+        version: 2,
         inputs: &[Self::MESH.port()],
         outputs: &[Self::CURVES.port(), Self::REPORT.port(), Self::COUNTS.port()],
         cites: &["au2008skeleton", "cao2010point", "madaras2014skeleton"],

@@ -170,16 +170,20 @@ impl Node {
 
     /// Whether a line passes through the box (slabs; Kay & Kajiya 1986), a little enlarged against
     /// rounding. A zero component of the direction makes infinities that come out right, or no
-    /// numbers, which count as passing.
+    /// numbers for lines along a side, which count as passing.
     fn is_met(&self, start: &Vec3, inverse: &Vec3, least: f64, greatest: f64) -> bool {
         let (mut enter, mut leave) = (least, greatest);
         for axis in 0..3 {
             let near = (self.low[axis] - start[axis]) * inverse[axis];
             let far = (self.high[axis] - start[axis]) * inverse[axis];
+            if near.is_nan() || far.is_nan() {
+                continue;
+            }
             enter = enter.max(near.min(far));
             leave = leave.min(near.max(far));
         }
-        let slack = 1e-12 * (enter.abs() + leave.abs());
+        // Of the smaller one: beside a box, along one of its sides, a line enters at infinity.
+        let slack = 2e-12 * enter.abs().min(leave.abs());
         enter <= leave + slack
     }
 }
@@ -283,6 +287,19 @@ mod tests {
                     .min_by(|a, b| a.along.total_cmp(&b.along).then(a.face.cmp(&b.face)));
                 assert_eq!(tree.first_hit(start, direction, [0.0, 1.0]), expected);
                 assert_eq!(tree.is_crossed(ends[0], ends[1]), expected.is_some());
+            }
+        }
+    }
+
+    #[test]
+    fn a_line_along_an_axis_passes_by_the_boxes_beside_it() {
+        let (low, high) = (Vec3::zeros(), Vec3::repeat(1.0));
+        let node = Node { low, high, begin: 0, end: 0, upper: 0 };
+        let inverse = Vec3::x().map(|it| 1.0 / it);
+        for (y, expected) in [(-0.5, false), (0.0, true), (0.5, true), (1.0, true), (1.5, false)] {
+            for greatest in [5.0, f64::INFINITY] {
+                let start = Vec3::new(-1.0, y, 0.5);
+                assert_eq!(node.is_met(&start, &inverse, 0.0, greatest), expected, "{y}");
             }
         }
     }

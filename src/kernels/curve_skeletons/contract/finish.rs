@@ -2,9 +2,11 @@
 
 use super::super::curve_skeleton::CurveSkeleton;
 use super::super::skeleton_cleanup::{
-    PruneOptions, bend_inside, collapse_short_cycles, connect_components, prune, strip_radii,
+    PruneOptions, bend_edges, collapse_short_cycles, connect_components, inside_of, prune,
+    pull_inside, strip_radii,
 };
 use super::super::skeleton_placement::{PlacementError, PlacementOptions, place};
+use super::center::{CenterOptions, center};
 use super::{ContractionSkeleton, with_radii};
 use crate::kernels::geometry::mesh::TriMesh;
 
@@ -17,6 +19,9 @@ pub struct FinishOptions {
     /// Move nodes to where the normals of their vertices meet: for shapes of which one side was seen.
     /// On whole ones, whose rings tell the middle, nodes of wide parts would pass each other.
     pub placement: Option<PlacementOptions>,
+    /// Move nodes to the middle of the shape across them, with new ones in long edges. Needs a closed
+    /// mesh.
+    pub center: Option<CenterOptions>,
     /// Move nodes and edges that are outside of a closed mesh into it.
     pub pull_inside: bool,
     /// Join the skeletons of different parts.
@@ -29,6 +34,7 @@ impl Default for FinishOptions {
             max_cycle_nodes: 6,
             prune: PruneOptions { max_nodes: 0, max_radii: 1.2 },
             placement: None,
+            center: Some(CenterOptions::default()),
             pull_inside: true,
             connect: false,
         }
@@ -52,8 +58,21 @@ pub fn finish(
         skeleton = place(&skeleton, vertices, &found.normals, placement)?;
     }
     skeleton = with_radii(&skeleton, vertices);
+    let needs_field = options.pull_inside || options.center.is_some();
+    let field = if needs_field { inside_of(shape) } else { None };
     if options.pull_inside {
-        skeleton = bend_inside(&skeleton, shape);
+        skeleton = pull_inside(&skeleton, shape);
+    }
+    if let Some(field) = &field {
+        if options.pull_inside {
+            skeleton = bend_edges(&skeleton, field);
+        }
+        if let Some(center_options) = &options.center {
+            skeleton = center(&skeleton, vertices, field, center_options);
+            if options.pull_inside {
+                skeleton = bend_edges(&skeleton, field);
+            }
+        }
     }
     Ok(if options.connect { connect_components(&skeleton) } else { skeleton })
 }

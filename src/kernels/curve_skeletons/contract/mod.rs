@@ -1,5 +1,6 @@
 //! Curve skeletons by Laplacian contraction, of meshes and of point clouds.
 
+mod center;
 mod coarse;
 mod collapse;
 mod contraction;
@@ -21,6 +22,7 @@ use crate::kernels::geometry::cloud_sheets::CloudSheets;
 use crate::kernels::geometry::delaunay_stars::{StarOptions, delaunay_stars};
 use crate::kernels::geometry::mesh::{TriMesh, Vec3};
 
+pub use center::{CenterOptions, center};
 pub use coarse::{CoarseContractionError, coarse_contraction};
 pub use collapse::{CollapseOptions, Collapsed, collapse};
 pub use contraction::{Contraction, Step, Stop, contract};

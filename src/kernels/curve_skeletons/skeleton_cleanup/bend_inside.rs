@@ -14,17 +14,37 @@ const ROUNDS: usize = 3;
 /// Places of an edge that are looked at.
 const PLACES: usize = 8;
 
-/// Moves nodes into a closed mesh as [`pull_inside`] does, and bends the edges that leave it: each gets
-/// a node, without vertices, beside where it is farthest outside; up to three times. Of open or inside-out surfaces only nodes are moved, if at all.
+/// Moves nodes into a closed mesh as [`pull_inside`] does, and bends the edges that leave it as
+/// [`bend_edges`] does. Of open or inside-out surfaces only nodes are moved, if at all.
 pub fn bend_inside(skeleton: &CurveSkeleton, mesh: &TriMesh) -> CurveSkeleton {
-    let mut bent = pull_inside(skeleton, mesh);
-    if !is_nearly_closed(mesh) || signed_volume(mesh) <= 0.0 {
-        return bent;
+    let pulled = pull_inside(skeleton, mesh);
+    match inside_of(mesh) {
+        Some(field) => bend_edges(&pulled, &field),
+        None => pulled,
     }
-    let field = DistanceField::new(mesh);
+}
+
+/// The distances from a surface that has an inside: one that is nearly closed and not inside out.
+pub fn inside_of(mesh: &TriMesh) -> Option<DistanceField> {
+    (is_nearly_closed(mesh) && signed_volume(mesh) > 0.0).then(|| DistanceField::new(mesh))
+}
+
+/// Bends the edges that leave a shape: each gets a node, without vertices, beside where it is farthest
+/// outside; up to three times.
+pub fn bend_edges(skeleton: &CurveSkeleton, field: &DistanceField) -> CurveSkeleton {
+    let mut bent = skeleton.clone();
     for _ in 0..ROUNDS {
-        let found: Vec<Option<Vec3>> =
-            (0..bent.n_edges()).into_par_iter().map(|it| worst_place(&bent, it, &field)).collect();
+        let is_inside: Vec<bool> =
+            bent.positions().par_iter().map(|it| field.is_inside(*it)).collect();
+        let found: Vec<Option<Vec3>> = (bent.edges().par_iter().enumerate())
+            .map(|(edge, ends)| {
+                let [from, to] = ends.map(|it| bent.positions()[it as usize]);
+                // What does not meet the surface does not leave it.
+                let stays = ends.iter().all(|&it| is_inside[it as usize])
+                    && !field.tree().is_crossed(from, to);
+                if stays { None } else { worst_place(&bent, edge, field) }
+            })
+            .collect();
         if found.iter().all(Option::is_none) {
             break;
         }
@@ -33,17 +53,23 @@ pub fn bend_inside(skeleton: &CurveSkeleton, mesh: &TriMesh) -> CurveSkeleton {
     bent
 }
 
-/// Where an edge is farthest outside, moved into the shape: by half of how thick it is there, and by
-/// half the radius around the edge at most. Across a trunk the middle would be far away.
+/// Where an edge is farthest outside, moved into the shape: by half of the radius around it at most.
 fn worst_place(skeleton: &CurveSkeleton, edge: usize, field: &DistanceField) -> Option<Vec3> {
     let ends = skeleton.edges()[edge].map(|it| it as usize);
     let [from, to] = ends.map(|it| skeleton.positions()[it]);
     let places = (1..=PLACES).map(|it| from + (to - from) * (it as f64 / (PLACES + 1) as f64));
     let outside = places.filter(|it| !field.is_inside(*it));
-    let far = outside.map(|it| (field.nearest(it), it));
-    let (nearest, place) = far.max_by(|a, b| a.0.square.total_cmp(&b.0.square))?;
-    let inward = (nearest.point - place).try_normalize(0.0)?;
+    let far = outside.map(|it| (field.nearest(it).square, it));
+    let (_, place) = far.max_by(|a, b| a.0.total_cmp(&b.0))?;
     let reach = 0.25 * ends.iter().map(|&it| skeleton.radii()[it]).sum::<f64>();
+    moved_inside(&place, reach, field)
+}
+
+/// A place outside, moved through the nearest surface by half of how thick the shape is there, and by
+/// `reach` at most: across a trunk the middle would be far away.
+pub fn moved_inside(place: &Vec3, reach: f64, field: &DistanceField) -> Option<Vec3> {
+    let nearest = field.nearest(*place);
+    let inward = (nearest.point - place).try_normalize(0.0)?;
     let range = [1e-3 * reach, 2.0 * reach];
     let behind = field.tree().first_hit(nearest.point, inward, range);
     Some(nearest.point + inward * behind.map_or(reach, |it| 0.5 * it.along))
