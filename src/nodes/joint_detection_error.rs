@@ -48,7 +48,7 @@ impl JointDetectionError {
 impl Node for JointDetectionError {
     const SPEC: Spec = Spec {
         kind: "joint_detection_error",
-        version: 1,
+        version: 2,
         inputs: &[Self::DETECTED.port(), Self::TRUTH.port(), Self::POSES.port(), Self::MESH.port()],
         outputs: &[Self::SUMMARY.port(), Self::JOINTS.port()],
         cites: &["madaras2014skeleton"],

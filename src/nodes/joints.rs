@@ -104,7 +104,7 @@ impl Joints {
 impl Node for Joints {
     const SPEC: Spec = Spec {
         kind: "joints",
-        version: 3,
+        version: 4,
         inputs: &[Self::SKELETON.port(), Self::CLIP.port(), Self::SURFACES.port()],
         outputs: &[Self::JOINTS.port(), Self::REDUCED.port()],
         cites: &["madaras2014skeleton", "pekelny2008articulated", "obrien2000automatic"],

@@ -158,4 +158,29 @@ mod tests {
         let both = joint_detection(&[], &rig(), &[bent()], &lax).unwrap();
         assert_eq!(both.truth.iter().map(|it| it.angle.round()).collect::<Vec<_>>(), [60.0, 10.0]);
     }
+
+    #[test]
+    fn a_branch_node_that_turns_with_its_limbs_is_a_joint_but_its_roll_is_none() {
+        let names = ["hip", "neck", "head", "ear_l", "ear_r", "nose"].map(str::to_owned).to_vec();
+        let places = [[0.0, 0.0], [0.0, 1.0], [0.0, 2.0], [-1.0, 2.5], [1.0, 2.5], [0.0, 2.5]];
+        let mut places: Vec<Vec3> = places.iter().map(|it| Vec3::new(it[0], it[1], 0.0)).collect();
+        places[5].z = 0.8;
+        let parents = vec![None, Some(0), Some(1), Some(2), Some(2), Some(2)];
+        let rig = Skeleton::new(names, parents, places.clone()).unwrap();
+        let turned = |axis: Vec3| {
+            let turn = nalgebra::UnitQuaternion::new(axis * 40.0_f64.to_radians());
+            let moved = |it: &Vec3| places[2] + turn * (it - places[2]);
+            [&places[..3], &places[3..].iter().map(moved).collect::<Vec<_>>()].concat()
+        };
+        let options = DetectionOptions { min_angle: 15.0, tolerance: 2.0, height: 10.0 };
+        let found = |axis: Vec3| {
+            let res = joint_detection(&[], &rig, &[turned(axis)], &options).unwrap();
+            res.truth.iter().map(|it| (it.name.clone(), it.angle)).collect::<Vec<_>>()
+        };
+        // The neck's direction counts a little for its end, too.
+        let nodding = found(Vec3::x());
+        assert!(nodding.len() == 1 && nodding[0].0 == "head", "{nodding:?}");
+        assert!((nodding[0].1 - 40.0).abs() < 3.0, "{nodding:?}");
+        assert_eq!(found(Vec3::y()), []);
+    }
 }

@@ -127,6 +127,23 @@ fn rigid_motions_need_no_joint() {
     assert_eq!(fit.sides.len(), 0);
 }
 
+#[test]
+fn seeds_are_all_along_the_limbs_and_apart_from_what_is_known() {
+    let skeleton = line(19);
+    let known = seeds::unknown(7, 0.5, Vec3::x() * 0.75);
+    let all = seeds::seeded(&skeleton, &[known.clone()], 0.1, 1.8);
+    assert!(all.contains(&known));
+    for joint in &all {
+        let place = parts::on_bone(&skeleton, skeleton.positions(), joint.bone, joint.share);
+        assert!((place - joint.position).norm() < 1e-12);
+        assert!(joint.position.x < 1.9 - 0.1 * 1.8);
+    }
+    for pair in all.windows(2) {
+        let step = pair[1].position.x - pair[0].position.x;
+        assert!((0.6 * 0.18..1.7 * 0.18).contains(&step), "{step}");
+    }
+}
+
 /// The surfaces and places of a rig in poses.
 fn posed(it: &Character, turns: &[&[(&str, Turn)]]) -> (Vec<Vec<Vec3>>, Vec<TriMesh>) {
     let one = |turns: &&[(&str, Turn)]| {

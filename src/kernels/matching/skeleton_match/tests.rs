@@ -305,3 +305,42 @@ fn symmetric_stars_take_bounded_time() {
         }
     }
 }
+
+/// Two legs beside each other, one swung forwards by `swing`, the other one backwards.
+fn striding(swing: f64) -> SkeletonGraph {
+    let mut points = vec![[0.0, 1.0, 0.0], [0.0, 1.3, 0.6], [0.0, 1.0, -1.0]];
+    let mut edges = vec![[0, 1], [0, 2]];
+    for side in [1.0, -1.0] {
+        let first = points.len() as u32;
+        points.extend([
+            [0.15 * side, 0.9, 0.02 * swing * side],
+            [0.15 * side, 0.5, 0.4 * swing * side],
+            [0.15 * side, 0.1, 0.8 * swing * side],
+        ]);
+        edges.extend([[0, first], [first, first + 1], [first + 1, first + 2]]);
+    }
+    graph(&points, &edges)
+}
+
+#[test]
+fn directions_tell_left_from_right_where_places_do_not() {
+    let (left_ahead, right_ahead) = (striding(1.0), striding(-1.0));
+    for (second_rating, is_swapped) in
+        [(SecondRating::Places, true), (SecondRating::Directions, false)]
+    {
+        let options = MatchOptions { second_rating, ..Default::default() };
+        let best = &matched(&left_ahead, &right_ahead, &options).matches[0];
+        let foot = if is_swapped { 8 } else { 5 };
+        assert_eq!(best.target_of(5), Some(foot), "{second_rating:?}");
+    }
+    // The same figure is rated 0, also after any turn of it.
+    let options = MatchOptions { second_rating: SecondRating::Directions, ..Default::default() };
+    let itself = matched(&left_ahead, &left_ahead, &options);
+    assert!(itself.matches[0].ratings()[1] < 1e-9);
+    let mut turned = left_ahead.clone();
+    let turn = nalgebra::UnitQuaternion::new(Vec3::y() * 2.0);
+    turned.positions.iter_mut().for_each(|it| *it = turn * *it);
+    let options = MatchOptions { turn_axis: Some(Vec3::y()), ..options };
+    let best = &matched(&left_ahead, &turned, &options).matches[0];
+    assert!(best.ratings()[1] < 1e-9 && best.target_of(5) == Some(5));
+}

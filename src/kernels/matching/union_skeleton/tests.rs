@@ -133,6 +133,60 @@ fn the_order_of_poses_hardly_matters() {
     assert!(*high <= 2 * poses[1].n_joints(), "{counts:?}");
 }
 
+/// A trunk along z with a limb to each side, at these places along it.
+fn trunk([left, right]: [f64; 2]) -> Skeleton {
+    let mut points = vec![Vec3::zeros()];
+    let mut parents = vec![None];
+    let mut limb = |from: usize, to: Vec3| {
+        let start = points[from];
+        for step in 1..=4 {
+            parents.push(Some(if step == 1 { from } else { points.len() - 1 }));
+            points.push(start.lerp(&to, 0.25 * f64::from(step)));
+        }
+        points.len() - 1
+    };
+    let mut forks = [(left, 1.0), (right, -1.0)];
+    forks.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut at = 0;
+    for (z, side) in forks {
+        at = limb(at, Vec3::z() * z);
+        limb(at, Vec3::new(side, 0.3, z));
+    }
+    limb(at, Vec3::z() * 2.0);
+    skeleton(&points, &parents)
+}
+
+#[test]
+fn the_order_of_limbs_that_leave_a_trunk_at_one_place_does_not_matter() {
+    let poses = [trunk([0.95, 1.05]), trunk([1.04, 0.97]), trunk([0.98, 1.01])];
+    let poses: Vec<&Skeleton> = poses.iter().collect();
+    let is_right = |hub: f64| {
+        let union = union_skeleton(&poses, &UnionOptions { hub, ..Default::default() }).unwrap();
+        let ends: Vec<usize> = (0..union.skeleton.n_joints())
+            .filter(|&it| union.skeleton.children()[it].is_empty())
+            .collect();
+        let sides =
+            |it: &usize| union.places.iter().map(|pose| pose[*it].x.round() as i32).collect();
+        let mut sides: Vec<Vec<i32>> = ends.iter().map(sides).collect();
+        sides.sort();
+        // The root is the fourth end.
+        sides == [[-1; 3], [0; 3], [1; 3]] && union.is_observed.iter().flatten().all(|it| *it)
+    };
+    assert!(is_right(UnionOptions::default().hub));
+    assert!(!is_right(0.0), "where branch nodes stay apart, their order has to be the same");
+}
+
+#[test]
+fn a_hub_lies_in_the_middle_of_its_branch_nodes_and_far_ones_stay() {
+    let near = with_hubs(&trunk([0.95, 1.05]), 0.08);
+    assert_eq!(near.n_joints(), trunk([0.95, 1.05]).n_joints() - 4);
+    let hub = (0..near.n_joints()).find(|&it| near.children()[it].len() == 3).unwrap();
+    assert!((near.positions()[hub] - Vec3::z()).norm() < 1e-12);
+    let far = trunk([0.6, 1.4]);
+    assert_eq!(with_hubs(&far, 0.08), far);
+    assert_eq!(with_hubs(&near, 0.08), near);
+}
+
 #[test]
 fn odd_inputs() {
     let error = union_skeleton(&[], &UnionOptions::default()).unwrap_err();
