@@ -168,7 +168,7 @@ const BEGINNINGS: [Beginning; 4] = [
 
 /// If so much of the surface is off in the mean pose, no other beginning is tried: skin around joints is
 /// always.
-const ENOUGH: f64 = 0.055;
+const ENOUGH: f64 = 0.045;
 
 /// A joint more has to bring so much of the surface to that of the mean pose.
 const PER_JOINT: f64 = 0.0075;
