@@ -109,7 +109,6 @@ pub enum FitError {
 /// surfaces of all poses together with the joints, which are where both parts beside them take them to
 /// the same place (articulated ICP: Pekelny & Gotsman 2008; centres of rotation: O'Brien et al. 2000):
 /// Gauss-Newton steps of distances along the surface's normals, so that surfaces need no vertices in common.
-/// Parts that are lost in a pose are looked for all around their joint.
 ///
 /// Then joints go, one after the other, that the surfaces can do without, cuts move to where joints were
 /// found, and a part that lies on a surface only up to a place on its curve is cut there.
@@ -135,6 +134,9 @@ pub fn fit_joints(
             Some(spacing) => seeded(skeleton, joints, spacing, figure.extent),
             None => joints.to_vec(),
         };
+        if beginning.spacing.is_some() && joints.len() > MOST_SEEDS {
+            continue;
+        }
         let fit = fit_from(&figure, joints, beginning.finds_lost, options);
         let lost = fit.lost();
         let score = lost + PER_JOINT * fit.joints.len() as f64;
@@ -165,6 +167,9 @@ const BEGINNINGS: [Beginning; 4] = [
     Beginning { spacing: Some(0.07), finds_lost: false },
     Beginning { spacing: None, finds_lost: true },
 ];
+
+/// The equations of a pose have a row and a column for every part: more would take too much time and memory.
+const MOST_SEEDS: usize = 150;
 
 /// If so much of the surface is off in the mean pose, no other beginning is tried: skin around joints is
 /// always.
