@@ -10,6 +10,7 @@ use super::seeds::unknown;
 use super::solve::{Point, Pose, Problem, State, Weights, step};
 use super::split::{View, best_split};
 use super::{Drop, FitError, FitOptions, Fitted, Start};
+use crate::kernels::geometry::distance_field::DistanceField;
 use crate::kernels::geometry::kabsch::shortest_arc;
 use crate::kernels::geometry::mesh::{TriMesh, Vec3};
 use crate::kernels::geometry::triangle_tree::TriangleTree;
@@ -27,6 +28,8 @@ pub struct Figure {
     /// Of the faces of these surfaces.
     normals: Vec<Vec<Vec3>>,
     samples: Vec<Sample>,
+    /// At rest.
+    body: DistanceField,
 }
 
 impl Figure {
@@ -58,8 +61,8 @@ impl Figure {
         let mesh =
             |it: usize| surfaces[it].with_vertices(scaled(surfaces[it].vertices())).expect(finite);
         let at_rest = mesh(rest);
-        let tree = TriangleTree::new(&at_rest);
-        let samples = samples(&at_rest, &tree, &skeleton, options.n_samples);
+        let body = DistanceField::new(&at_rest);
+        let samples = samples(&at_rest, body.tree(), &skeleton, options.n_samples);
         let others: Vec<usize> = (0..n_poses).filter(|&it| it != rest).collect();
         let meshes: Vec<TriMesh> = others.iter().map(|&it| mesh(it)).collect();
         let normal = |mesh: &TriMesh, it: usize| {
@@ -74,6 +77,7 @@ impl Figure {
             surfaces: meshes.iter().map(TriangleTree::new).collect(),
             normals: meshes.iter().map(normals).collect(),
             samples,
+            body,
         })
     }
 
@@ -112,12 +116,33 @@ impl Figure {
                 joints: cuts.clone(),
             },
         };
-        let problem = Problem { points: &points, poses: &poses, sides: &parts.sides, cuts: &cuts };
-        let mut fits = descend(&mut state, &problem, is_first, options.reach);
+        let mut is_held = vec![false; joints.len()];
+        let mut move_all = |state: &mut State, is_held: &[bool], is_first: bool| {
+            let sides = &parts.sides;
+            let problem = Problem { points: &points, poses: &poses, sides, cuts: &cuts, is_held };
+            descend(state, &problem, is_first, options.reach)
+        };
+        let mut fits = move_all(&mut state, &is_held, is_first);
         if is_new && finds_lost && find_lost(&mut state, &points, &poses, &parts, options.reach) {
-            fits = descend(&mut state, &problem, false, options.reach);
+            fits = move_all(&mut state, &is_held, false);
+        }
+        if self.hold_outer(&mut state, &cuts, &mut is_held) {
+            fits = move_all(&mut state, &is_held, false);
         }
         Fitted { parts, state, points, fits }
+    }
+
+    /// Brings joints that are outside of the body at rest back to where they began, to be held there: the parts
+    /// beside them do not say where they meet. Returns whether there are any.
+    fn hold_outer(&self, state: &mut State, cuts: &[Vec3], is_held: &mut [bool]) -> bool {
+        for ((place, cut), is_held) in state.joints.iter_mut().zip(cuts).zip(&mut *is_held) {
+            let is_outer = self.body.nearest(*place).square > OUTSIDE * OUTSIDE
+                && !self.body.is_inside(*place);
+            if is_outer {
+                (*place, *is_held) = (*cut, true);
+            }
+        }
+        is_held.contains(&true)
     }
 
     /// Tells of joints how the part behind them swings against the part before; its roll is left out.
@@ -198,6 +223,9 @@ impl Figure {
     }
 }
 
+/// Joints may be outside of the surface by this share of the extent, which is that of thin limbs.
+const OUTSIDE: f64 = 0.005;
+
 /// Steps from a wide reach to that of a fit; fewer of them where much is known. Returns what `step` does.
 fn descend(state: &mut State, problem: &Problem<'_>, is_first: bool, reach: f64) -> Vec<f64> {
     const DECAY: f64 = 0.8;
@@ -207,7 +235,8 @@ fn descend(state: &mut State, problem: &Problem<'_>, is_first: bool, reach: f64)
         let reach = reach * f64::max(wide * DECAY.powi(round), 1.0);
         // Joints and priors are weak: what holds parts together by force also holds them off their places, and
         // a prior on the curve is felt where parts turn little.
-        let weights = Weights { slide: 0.05, curve: 1e-3, joint: 0.02, prior: 1e-4, reach };
+        let weights =
+            Weights { slide: 0.05, curve: 1e-3, joint: 0.02, prior: 1e-4, held: 1.0, reach };
         fits = step(state, problem, &weights);
     }
     fits

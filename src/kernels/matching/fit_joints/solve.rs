@@ -38,6 +38,8 @@ pub struct Problem<'a> {
     pub sides: &'a [[usize; 2]],
     /// Where joints began.
     pub cuts: &'a [Vec3],
+    /// Joints that stay there.
+    pub is_held: &'a [bool],
 }
 
 /// What the terms count, against the distances of all points from the surface, which count 1 in all.
@@ -51,6 +53,8 @@ pub struct Weights {
     pub joint: f64,
     /// Distances of joints from where they began.
     pub prior: f64,
+    /// The same, of joints that are held.
+    pub held: f64,
     /// Beyond this distance a point of the surface counts less and less.
     pub reach: f64,
 }
@@ -74,7 +78,7 @@ struct Equations {
 /// Makes a Gauss-Newton step; returns the share of
 /// the weight of points that lay on the surface of each pose.
 pub fn step(state: &mut State, problem: &Problem<'_>, weights: &Weights) -> Vec<f64> {
-    let Problem { points, poses, sides, cuts } = *problem;
+    let Problem { points, poses, sides, cuts, is_held } = *problem;
     let n_joints = sides.len();
     let all: Vec<(Equations, f64)> = poses
         .par_iter()
@@ -84,9 +88,10 @@ pub fn step(state: &mut State, problem: &Problem<'_>, weights: &Weights) -> Vec<
     let mut matrix = DMatrix::<f64>::identity(3 * n_joints, 3 * n_joints) * 1e-12;
     let mut right = DVector::<f64>::zeros(3 * n_joints);
     for (joint, &place) in cuts.iter().enumerate() {
+        let prior = if is_held[joint] { weights.held } else { weights.prior };
         for axis in 0..3 {
-            matrix[(3 * joint + axis, 3 * joint + axis)] += weights.prior;
-            right[3 * joint + axis] -= weights.prior * (state.joints[joint][axis] - place[axis]);
+            matrix[(3 * joint + axis, 3 * joint + axis)] += prior;
+            right[3 * joint + axis] -= prior * (state.joints[joint][axis] - place[axis]);
         }
     }
     let mut solved = Vec::with_capacity(all.len());

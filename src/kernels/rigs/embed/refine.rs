@@ -21,7 +21,8 @@ impl<'a> Body<'a> {
     }
 }
 
-/// Places along a bone at which it is held inside, its end with them: the end of a leaf has no bone behind it.
+/// Places along a bone at which it is held inside, both ends with them: those of a root and of a leaf belong to
+/// one bone only.
 const SAMPLES: usize = 10;
 const INSIDE: f64 = 15_000.0;
 const LENGTH: f64 = 0.25;
@@ -148,7 +149,7 @@ impl<'a> Energy<'a> {
         let mut value = 0.0;
         let mut slopes = [Vec3::zeros(); 2];
         for sample in 0..SAMPLES {
-            let t = (sample + 1) as f64 / SAMPLES as f64;
+            let t = sample as f64 / (SAMPLES - 1) as f64;
             let (off, slope) = self.off_axis(from + along * t);
             if off > NEAR {
                 let share = INSIDE / SAMPLES as f64;
