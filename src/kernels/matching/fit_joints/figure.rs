@@ -117,7 +117,7 @@ impl Figure {
             },
         };
         let mut is_held = vec![false; joints.len()];
-        let mut move_all = |state: &mut State, is_held: &[bool], is_first: bool| {
+        let move_all = |state: &mut State, is_held: &[bool], is_first: bool| {
             let sides = &parts.sides;
             let problem = Problem { points: &points, poses: &poses, sides, cuts: &cuts, is_held };
             descend(state, &problem, is_first, options.reach)
