@@ -23,8 +23,9 @@ use crate::kernels::table::{Column, Table};
 ///
 /// With `surfaces` joints do not lie on the curves but where the surface turns about them: the parts between
 /// joints are moved onto the surface of every pose. Joints that the surfaces can do without are dropped, and
-/// new ones are put where a part does not move as one. Surfaces need no vertices in common. Limbs end where
-/// their bones would leave the surface at rest.
+/// new ones are put where a part does not move as one. In the end skin near joints moves with the parts on
+/// both sides, which tells where joints are that have hardly anything but skin around them. Surfaces need no
+/// vertices in common. Limbs end where their bones would leave the surface at rest.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Joints {
@@ -54,8 +55,8 @@ pub struct Joints {
     /// … and by more than this share of the first one.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub spread_share: f64,
-    /// With surfaces: without a joint, more of the smaller part beside it would be off the surface than this
-    /// share, in some pose.
+    /// With surfaces: joints are tried to be left out if without them at most this share more of the smaller
+    /// part beside them would be off the surface of every pose.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub min_gain: f64,
     /// With surfaces: about so many of their points are looked at.
@@ -104,7 +105,7 @@ impl Joints {
 impl Node for Joints {
     const SPEC: Spec = Spec {
         kind: "joints",
-        version: 4,
+        version: 5,
         inputs: &[Self::SKELETON.port(), Self::CLIP.port(), Self::SURFACES.port()],
         outputs: &[Self::JOINTS.port(), Self::REDUCED.port()],
         cites: &["madaras2014skeleton", "pekelny2008articulated", "obrien2000automatic"],

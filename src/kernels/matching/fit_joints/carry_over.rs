@@ -2,9 +2,10 @@
 
 use nalgebra::Isometry3;
 
+use super::Drop;
+use super::fitted::Fitted;
 use super::parts::Parts;
 use super::solve::State;
-use super::{Drop, Fitted};
 use crate::kernels::geometry::mesh::Vec3;
 
 /// The state with the two parts beside a joint made one.

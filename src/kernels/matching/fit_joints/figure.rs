@@ -2,14 +2,16 @@
 
 use nalgebra::Isometry3;
 
-use super::choose::least_needed;
-use super::parts::{Parts, curve_pairs, motions_of_curves, on_bone};
-use super::samples::{Sample, labels, samples};
-use super::search::{find_lost, misfit, points_of_parts};
+use super::blocks::Point;
+use super::choose::{Need, by_need};
+use super::fitted::Fitted;
+use super::misfit::{misfit, points_of_parts};
+use super::parts::on_bone;
+use super::samples::{Sample, samples};
 use super::seeds::unknown;
-use super::solve::{Point, Pose, Problem, State, Weights, step};
+use super::solve::{Pose, State};
 use super::split::{View, best_split};
-use super::{Drop, FitError, FitOptions, Fitted, Start};
+use super::{FitError, FitOptions};
 use crate::kernels::geometry::distance_field::DistanceField;
 use crate::kernels::geometry::kabsch::shortest_arc;
 use crate::kernels::geometry::mesh::{TriMesh, Vec3};
@@ -23,13 +25,13 @@ pub struct Figure {
     pub rest: usize,
     pub skeleton: Skeleton,
     /// Without the pose at rest.
-    poses: Vec<Vec<Vec3>>,
+    pub poses: Vec<Vec<Vec3>>,
     surfaces: Vec<TriangleTree>,
     /// Of the faces of these surfaces.
     normals: Vec<Vec<Vec3>>,
-    samples: Vec<Sample>,
+    pub samples: Vec<Sample>,
     /// At rest.
-    body: DistanceField,
+    pub body: DistanceField,
 }
 
 impl Figure {
@@ -81,70 +83,6 @@ impl Figure {
         })
     }
 
-    /// Moves the parts between joints onto the surfaces.
-    pub fn fit(
-        &self,
-        joints: &[Joint],
-        start: Start,
-        finds_lost: bool,
-        options: &FitOptions,
-    ) -> Fitted {
-        let parts = Parts::new(&self.skeleton, joints);
-        let place =
-            |it: &Joint| on_bone(&self.skeleton, self.skeleton.positions(), it.bone, it.share);
-        let cuts: Vec<Vec3> = joints.iter().map(place).collect();
-        let labels = labels(&self.samples, &self.skeleton, &parts, &cuts, options.ramp);
-        let point = |(it, &(part, weight)): (&Sample, &(usize, f64))| Point {
-            place: it.point,
-            normal: it.normal,
-            part,
-            weight,
-        };
-        let points: Vec<Point> = self.samples.iter().zip(&labels).map(point).collect();
-        let curves: Vec<Vec<Vec<(Vec3, Vec3)>>> =
-            self.poses.iter().map(|it| curve_pairs(&self.skeleton, &parts, it, 0.01)).collect();
-        let poses = self.poses(&curves);
-        let (is_first, is_new) = match &start {
-            Start::Curves => (true, true),
-            Start::Recut(_) => (false, true),
-            Start::Merged(_) => (false, false),
-        };
-        let mut state = match start {
-            Start::Recut(state) | Start::Merged(state) => state,
-            Start::Curves => State {
-                motions: curves.iter().map(|it| motions_of_curves(&parts, it)).collect(),
-                joints: cuts.clone(),
-            },
-        };
-        let mut is_held = vec![false; joints.len()];
-        let move_all = |state: &mut State, is_held: &[bool], is_first: bool| {
-            let sides = &parts.sides;
-            let problem = Problem { points: &points, poses: &poses, sides, cuts: &cuts, is_held };
-            descend(state, &problem, is_first, options.reach)
-        };
-        let mut fits = move_all(&mut state, &is_held, is_first);
-        if is_new && finds_lost && find_lost(&mut state, &points, &poses, &parts, options.reach) {
-            fits = move_all(&mut state, &is_held, false);
-        }
-        if self.hold_outer(&mut state, &cuts, &mut is_held) {
-            fits = move_all(&mut state, &is_held, false);
-        }
-        Fitted { parts, state, points, fits }
-    }
-
-    /// Brings joints that are outside of the body at rest back to where they began, to be held there: the parts
-    /// beside them do not say where they meet. Returns whether there are any.
-    fn hold_outer(&self, state: &mut State, cuts: &[Vec3], is_held: &mut [bool]) -> bool {
-        for ((place, cut), is_held) in state.joints.iter_mut().zip(cuts).zip(&mut *is_held) {
-            let is_outer = self.body.nearest(*place).square > OUTSIDE * OUTSIDE
-                && !self.body.is_inside(*place);
-            if is_outer {
-                (*place, *is_held) = (*cut, true);
-            }
-        }
-        is_held.contains(&true)
-    }
-
     /// Tells of joints how the part behind them swings against the part before; its roll is left out.
     pub fn describe(&self, joints: &mut [Joint], fitted: &Fitted, options: &FitOptions) {
         let Fitted { parts, state, .. } = fitted;
@@ -165,10 +103,10 @@ impl Figure {
         }
     }
 
-    /// The joint that is none, if there is one.
-    pub fn weakest(&self, joints: &[Joint], fitted: &Fitted, options: &FitOptions) -> Option<Drop> {
+    /// The joints from the one that is needed least.
+    pub fn needs(&self, joints: &[Joint], fitted: &Fitted, options: &FitOptions) -> Vec<Need> {
         let Fitted { parts, state, points, .. } = fitted;
-        least_needed(joints, parts, state, points, &self.poses(&[]), options)
+        by_need(joints, parts, state, points, &self.poses(&[]), options)
     }
 
     /// A joint where a part does not move as one, and how much of the surface it may bring back.
@@ -199,7 +137,7 @@ impl Figure {
     }
 
     /// What is looked at in every pose, with curves by pose and part or none.
-    fn poses<'a>(&'a self, curves: &'a [Vec<Vec<(Vec3, Vec3)>>]) -> Vec<Pose<'a>> {
+    pub fn poses<'a>(&'a self, curves: &'a [Vec<Vec<(Vec3, Vec3)>>]) -> Vec<Pose<'a>> {
         (0..self.poses.len())
             .map(|it| Pose {
                 surface: &self.surfaces[it],
@@ -221,25 +159,6 @@ impl Figure {
         all.insert(self.rest, vec![Isometry3::identity(); n_parts]);
         all
     }
-}
-
-/// Joints may be outside of the surface by this share of the extent, which is that of thin limbs.
-const OUTSIDE: f64 = 0.005;
-
-/// Steps from a wide reach to that of a fit; fewer of them where much is known. Returns what `step` does.
-fn descend(state: &mut State, problem: &Problem<'_>, is_first: bool, reach: f64) -> Vec<f64> {
-    const DECAY: f64 = 0.8;
-    let (wide, n_steps) = if is_first { (4.0, 20) } else { (2.0, 12) };
-    let mut fits = Vec::new();
-    for round in 0..n_steps {
-        let reach = reach * f64::max(wide * DECAY.powi(round), 1.0);
-        // Joints and priors are weak: what holds parts together by force also holds them off their places, and
-        // a prior on the curve is felt where parts turn little.
-        let weights =
-            Weights { slide: 0.05, curve: 1e-3, joint: 0.02, prior: 1e-4, held: 1.0, reach };
-        fits = step(state, problem, &weights);
-    }
-    fits
 }
 
 fn extent(points: &[Vec3]) -> f64 {

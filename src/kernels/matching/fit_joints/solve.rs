@@ -1,25 +1,12 @@
 //! One step of all motions in all poses and of all joints together.
 
-use nalgebra::{
-    DMatrix, DVector, Isometry3, Matrix3, SMatrix, SVector, Translation3, UnitQuaternion,
-};
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Translation3, UnitQuaternion};
 use rayon::prelude::*;
 
+use super::blocks::{Blocks, Point, Seen, surface_terms};
 use super::parts::moved;
 use crate::kernels::geometry::mesh::Vec3;
 use crate::kernels::geometry::triangle_tree::TriangleTree;
-
-type Matrix6 = SMatrix<f64, 6, 6>;
-type Vector6 = SVector<f64, 6>;
-
-/// A point of a part with its normal, at rest.
-#[derive(Debug, Clone, Copy)]
-pub struct Point {
-    pub place: Vec3,
-    pub normal: Vec3,
-    pub part: usize,
-    pub weight: f64,
-}
 
 /// What is looked at in one pose.
 pub struct Pose<'a> {
@@ -134,29 +121,6 @@ fn cross(a: Vec3) -> Matrix3<f64> {
     a.cross_matrix()
 }
 
-/// Adds `weight * |direction . (place + turn x place + shift) - value|^2`.
-fn add_along(
-    matrix: &mut Matrix6,
-    right: &mut Vector6,
-    place: Vec3,
-    direction: Vec3,
-    residual: f64,
-    weight: f64,
-) {
-    let turn = place.cross(&direction);
-    let row = Vector6::new(turn.x, turn.y, turn.z, direction.x, direction.y, direction.z);
-    *matrix += row * row.transpose() * weight;
-    *right -= row * (residual * weight);
-}
-
-fn add_place(matrix: &mut Matrix6, right: &mut Vector6, place: Vec3, residual: Vec3, weight: f64) {
-    for axis in 0..3 {
-        let mut direction = Vec3::zeros();
-        direction[axis] = 1.0;
-        add_along(matrix, right, place, direction, residual[axis], weight);
-    }
-}
-
 fn equations(
     motions: &[Isometry3<f64>],
     joints: &[Vec3],
@@ -166,70 +130,32 @@ fn equations(
     weights: &Weights,
 ) -> (Equations, f64) {
     const CHUNK: usize = 512;
-    let n_parts = motions.len();
-    let of_chunk = |chunk: &[Point]| surface_terms(chunk, motions, pose, weights);
-    let chunks: Vec<(Vec<(Matrix6, Vector6)>, f64)> =
-        points.par_chunks(CHUNK).map(of_chunk).collect();
-    let mut blocks = vec![(Matrix6::zeros(), Vector6::zeros()); n_parts];
-    let mut near = 0.0;
-    for (chunk, near_part) in &chunks {
-        for (block, more) in blocks.iter_mut().zip(chunk) {
-            block.0 += more.0;
-            block.1 += more.1;
-        }
-        near += near_part;
-    }
+    let of_chunk = |chunk: &[Point]| surface_terms(chunk, motions, pose, sides, weights);
+    let chunks: Vec<Blocks> = points.par_chunks(CHUNK).map(of_chunk).collect();
+    let mut blocks = Blocks::new(motions.len(), sides.len());
+    chunks.iter().for_each(|it| blocks.add_all(it));
     for (part, pairs) in pose.curve.iter().enumerate() {
+        let own = &blocks.parts[part].0;
         // A part that no point belongs to still follows its curve.
-        let weight = weights.curve
-            * (blocks[part].0[(3, 3)] + blocks[part].0[(4, 4)] + blocks[part].0[(5, 5)]).max(1e-4);
-        for (rest, now) in pairs {
-            let place = moved(&motions[part], *rest);
-            let (matrix, right) = &mut blocks[part];
-            add_place(matrix, right, place, place - now, weight / pairs.len() as f64);
+        let weight = weights.curve * (own[(3, 3)] + own[(4, 4)] + own[(5, 5)]).max(1e-4);
+        for &(rest, now) in pairs {
+            let point = Point { place: rest, normal: Vec3::zeros(), part, weight: 1.0, skin: None };
+            let seen = Seen { point: &point, motions, sides };
+            let residual = moved(&motions[part], rest) - now;
+            blocks.add_place(&seen, residual, weight / pairs.len() as f64);
         }
     }
-    (assemble(motions, joints, &blocks, sides, weights), near)
-}
-
-fn surface_terms(
-    points: &[Point],
-    motions: &[Isometry3<f64>],
-    pose: &Pose<'_>,
-    weights: &Weights,
-) -> (Vec<(Matrix6, Vector6)>, f64) {
-    /// Surfaces that look another way are another side of the body.
-    const LEAST_COSINE: f64 = 0.5;
-    let mut blocks = vec![(Matrix6::zeros(), Vector6::zeros()); motions.len()];
-    let mut found = 0.0;
-    let reach = weights.reach * weights.reach;
-    for point in points {
-        let motion = &motions[point.part];
-        let place = moved(motion, point.place);
-        let Some(near) = pose.surface.nearest_within(place, 9.0 * reach) else { continue };
-        let normal = pose.normals[near.face as usize];
-        if (motion.rotation * point.normal).dot(&normal) < LEAST_COSINE {
-            continue;
-        }
-        let away = place - near.point;
-        let robust = (reach / (reach + near.square)).powi(2);
-        let weight = point.weight * robust;
-        let (matrix, right) = &mut blocks[point.part];
-        add_along(matrix, right, place, normal, normal.dot(&away), weight);
-        add_place(matrix, right, place, away, weight * weights.slide);
-        found += weight;
-    }
-    (blocks, found)
+    (assemble(motions, joints, &blocks, sides, weights), blocks.near)
 }
 
 /// Both sides of a joint that are farther apart than this count less and less for it.
 const GAP: f64 = 0.03;
 
-/// Joins the equations of parts by the joints between them.
+/// Joins the equations of parts by the joints and the skin between them.
 fn assemble(
     motions: &[Isometry3<f64>],
     joints: &[Vec3],
-    blocks: &[(Matrix6, Vector6)],
+    blocks: &Blocks,
     sides: &[[usize; 2]],
     weights: &Weights,
 ) -> Equations {
@@ -241,11 +167,17 @@ fn assemble(
         joints: DMatrix::zeros(n_joints, n_joints),
         right_joints: DVector::zeros(n_joints),
     };
-    for (part, (matrix, right)) in blocks.iter().enumerate() {
+    for (part, (matrix, right)) in blocks.parts.iter().enumerate() {
         let mut view = res.motions.fixed_view_mut::<6, 6>(6 * part, 6 * part);
         view += matrix;
         let mut view = res.right.fixed_rows_mut::<6>(6 * part);
         view += right;
+    }
+    for (&[a, b], pair) in sides.iter().zip(&blocks.pairs) {
+        let mut view = res.motions.fixed_view_mut::<6, 6>(6 * a, 6 * b);
+        view += pair;
+        let mut view = res.motions.fixed_view_mut::<6, 6>(6 * b, 6 * a);
+        view += pair.transpose();
     }
     for (joint, (&[a, b], &place)) in sides.iter().zip(joints).enumerate() {
         let [here, there] = [a, b].map(|it| moved(&motions[it], place));

@@ -1,10 +1,10 @@
 //! Where a part does not move as one.
 
-use super::Fitted;
 use super::choose::LEAST_AREA;
+use super::fitted::Fitted;
+use super::misfit::{LOST, misfit};
 use super::parts::{Parts, on_bone};
 use super::samples::Sample;
-use super::search::{LOST, misfit};
 use super::solve::Pose;
 use crate::kernels::geometry::mesh::Vec3;
 use crate::kernels::rigs::skeleton::Skeleton;

@@ -53,16 +53,7 @@ fn bent(points: &[Vec3], center: Vec3, turn: Vec3) -> Vec<Vec3> {
 }
 
 fn joint_at(bone: usize) -> Joint {
-    Joint {
-        bone,
-        share: 0.5,
-        position: Vec3::zeros(),
-        angle: 0.0,
-        n_freedoms: 0,
-        axis: Vec3::zeros(),
-        spreads: [0.0; 3],
-        is_mirrored: false,
-    }
+    seeds::unknown(bone, 0.5, Vec3::zeros())
 }
 
 #[test]
@@ -111,6 +102,51 @@ fn a_joint_that_the_curve_does_not_tell_of_is_found() {
     let fit = fit_joints(&skeleton, &poses, &surfaces, &[], &FitOptions::default()).unwrap();
     assert_eq!(fit.joints.len(), 1);
     assert!((fit.joints[0].position - Vec3::x()).norm() < 0.06, "{}", fit.joints[0].position);
+}
+
+#[test]
+fn two_joints_with_hardly_anything_but_skin_between_them_are_both_found() {
+    let (mesh, skeleton) = (arm(), line(19));
+    let centers = [Vec3::new(0.85, 0.0, 0.03), Vec3::new(1.15, 0.0, -0.03)];
+    let turns = [
+        [Vec3::zeros(); 2],
+        [Vec3::y() * 0.8, Vec3::z() * 0.6],
+        [Vec3::z() * -0.7, Vec3::y() * 0.8],
+        [Vec3::y() * -0.6, Vec3::y() * 0.9],
+    ];
+    // The farther joint first, so that the nearer one carries it.
+    let moved =
+        |points: &[Vec3], it: &[Vec3; 2]| bent(&bent(points, centers[1], it[1]), centers[0], it[0]);
+    let poses: Vec<Vec<Vec3>> = turns.iter().map(|it| moved(skeleton.positions(), it)).collect();
+    let surfaces: Vec<TriMesh> =
+        turns.iter().map(|it| mesh.with_vertices(moved(mesh.vertices(), it)).unwrap()).collect();
+    let surfaces: Vec<&TriMesh> = surfaces.iter().collect();
+    let candidates = [joint_at(8), joint_at(11)];
+    let options = FitOptions::default();
+    let fit = fit_joints(&skeleton, &poses, &surfaces, &candidates, &options).unwrap();
+    assert_eq!(fit.joints.len(), 2, "{:#?}", fit.joints);
+    for (joint, center) in fit.joints.iter().zip(&centers) {
+        let off = (joint.position - center).norm();
+        assert!(off < 0.04, "{} is off by {off}", joint.position);
+    }
+    assert!(fit.fits.iter().all(|it| *it > 0.95), "{:?}", fit.fits);
+}
+
+#[test]
+fn a_joint_that_would_be_outside_of_the_body_stays_on_its_curve() {
+    let (mesh, skeleton) = (arm(), line(19));
+    // About an axis that is three times as far away as the skin.
+    let (center, turn) = (Vec3::new(1.0, 0.0, 0.75), Vec3::y() * 0.5);
+    let poses = [skeleton.positions().to_vec(), bent(skeleton.positions(), center, turn)];
+    let other = mesh.with_vertices(bent(mesh.vertices(), center, turn)).unwrap();
+    let options = FitOptions::default();
+    let candidates = [joint_at(10)];
+    let fit = fit_joints(&skeleton, &poses, &[&mesh, &other], &candidates, &options).unwrap();
+    assert!(!fit.joints.is_empty());
+    for joint in &fit.joints {
+        let beside = Vec3::new(0.0, joint.position.y, joint.position.z).norm();
+        assert!(beside < 0.05, "{}", joint.position);
+    }
 }
 
 #[test]
