@@ -6,6 +6,7 @@ use super::figure::Figure;
 use super::fitted::{Fitted, fit, fit_with_skin};
 use super::parts::Parts;
 use super::recut::recut;
+use super::solve::State;
 use super::{Fit, FitOptions};
 use crate::kernels::geometry::mesh::Vec3;
 use crate::kernels::matching::find_joints::Joint;
@@ -32,57 +33,17 @@ impl Structure {
     /// Fits stiff parts, from the joints that are given: drops some, cuts anew where joints were found, and adds
     /// others.
     pub fn stiff(figure: &Figure, joints: Vec<Joint>, options: &FitOptions) -> Self {
-        let fit = |joints: &[Joint], start| fit(figure, joints, start, options);
-        let (mut n_recuts, mut n_splits) = (0, 0);
-        // Where joints are or were, which are not tried again.
-        let mut taken: Vec<Vec3> = joints.iter().map(|it| it.position / figure.extent).collect();
-        // Cuts that were tried to be left out.
-        let mut needed: Vec<(usize, f64)> = Vec::new();
-        let fitted = fit(&joints, None);
-        let mut now = Self { joints, fitted };
-        loop {
-            figure.describe(&mut now.joints, &now.fitted, options);
-            let needs = figure.needs(&now.joints, &now.fitted, options);
-            let cut = |it: &Need| (now.joints[it.drop.joint].bone, now.joints[it.drop.joint].share);
-            let is_tried = |it: &&Need| it.is_none || it.score < 1.0 && !needed.contains(&cut(it));
-            if let Some(need) = needs.iter().find(is_tried) {
-                let mut fewer = now.joints.clone();
-                fewer.remove(need.drop.joint);
-                let tried = fit(&fewer, Some(without(&now.fitted, need.drop)));
-                if need.is_none || tried.score(PER_JOINT) <= now.fitted.score(PER_JOINT) {
-                    now = Self { joints: fewer, fitted: tried };
-                } else {
-                    needed.push(cut(need));
-                }
-                continue;
-            }
-            if n_recuts < options.n_recuts && !now.joints.is_empty() {
-                n_recuts += 1;
-                recut(&figure.skeleton, &mut now.joints, &now.fitted.state.joints);
-                let moved = Parts::new(&figure.skeleton, &now.joints);
-                let start = reordered(&now.fitted.parts, &moved, now.fitted.state);
-                now.fitted = fit(&now.joints, Some(start));
-                continue;
-            }
-            if n_splits == options.max_splits {
-                break;
-            }
-            let Some((joint, gain)) = figure.split(&now.fitted, &taken, options) else { break };
-            n_splits += 1;
-            let place = joint.position / figure.extent;
-            taken.push(place);
-            let more = [&now.joints[..], &[joint]].concat();
-            let parts = Parts::new(&figure.skeleton, &more);
-            let start = grown(&now.fitted.parts, &parts, now.fitted.state.clone(), place);
-            let tried = fit(&more, Some(start));
-            let lost = |it: &Fitted| figure.lost(it, options);
-            if lost(&tried) < lost(&now.fitted) - SPLIT_GAIN * gain {
-                now = Self { joints: more, fitted: tried };
-                // The new joint is only about where the part bends.
-                n_recuts = n_recuts.saturating_sub(1);
-            }
-        }
-        now
+        let mut search = Search {
+            figure,
+            options,
+            needed: Vec::new(),
+            n_recuts: 0,
+            taken: joints.iter().map(|it| it.position / figure.extent).collect(),
+            n_splits: 0,
+            now: Self { fitted: fit(figure, &joints, None, options), joints },
+        };
+        while search.drops() || search.cuts_anew() || search.adds() {}
+        search.now
     }
 
     /// Fits again with skin, cuts anew where joints are then, and drops those that it can do without.
@@ -92,12 +53,11 @@ impl Structure {
         let fit = |joints: &[Joint], state, n_rounds| {
             fit_with_skin(figure, joints, state, n_rounds, options)
         };
-        let Self { mut joints, fitted } = self;
+        let Self { joints, fitted } = self;
         let fitted = fit(&joints, fitted.state, N_ROUNDS[0]);
-        recut(&figure.skeleton, &mut joints, &fitted.state.joints);
-        let start = reordered(&fitted.parts, &Parts::new(&figure.skeleton, &joints), fitted.state);
-        let fitted = fit(&joints, start, N_ROUNDS[0]);
         let mut now = Self { joints, fitted };
+        let start = now.recut(figure);
+        now.fitted = fit(&now.joints, start, N_ROUNDS[0]);
         'dropped: loop {
             figure.describe(&mut now.joints, &now.fitted, options);
             let needs = figure.needs(&now.joints, &now.fitted, options);
@@ -113,6 +73,13 @@ impl Structure {
             }
             return now;
         }
+    }
+
+    /// Moves cuts to where joints were found, and tells what a fit of the parts between them begins with.
+    fn recut(&mut self, figure: &Figure) -> State {
+        recut(&figure.skeleton, &mut self.joints, &self.fitted.state.joints);
+        let moved = Parts::new(&figure.skeleton, &self.joints);
+        reordered(&self.fitted.parts, &moved, self.fitted.state.clone())
     }
 
     /// How bad joints with skin are.
@@ -133,5 +100,80 @@ impl Structure {
             fits,
             rest: figure.rest,
         }
+    }
+}
+
+/// Stiff parts, and what was tried with them.
+struct Search<'a> {
+    figure: &'a Figure,
+    options: &'a FitOptions,
+    now: Structure,
+    /// Cuts that were tried to be left out.
+    needed: Vec<(usize, f64)>,
+    n_recuts: usize,
+    /// Where joints are or were, which are not tried again.
+    taken: Vec<Vec3>,
+    n_splits: usize,
+}
+
+impl Search<'_> {
+    fn fit(&self, joints: &[Joint], start: State) -> Fitted {
+        fit(self.figure, joints, Some(start), self.options)
+    }
+
+    /// Tries to leave out a joint; returns whether there was one to be tried.
+    fn drops(&mut self) -> bool {
+        let Structure { joints, fitted } = &mut self.now;
+        self.figure.describe(joints, fitted, self.options);
+        let needs = self.figure.needs(joints, fitted, self.options);
+        let cut = |it: &Need| (joints[it.drop.joint].bone, joints[it.drop.joint].share);
+        let is_tried = |it: &&Need| it.is_none || it.score < 1.0 && !self.needed.contains(&cut(it));
+        let Some(&need) = needs.iter().find(is_tried) else { return false };
+        let cut = cut(&need);
+        let mut fewer = self.now.joints.clone();
+        fewer.remove(need.drop.joint);
+        let tried = self.fit(&fewer, without(&self.now.fitted, need.drop));
+        if need.is_none || tried.score(PER_JOINT) <= self.now.fitted.score(PER_JOINT) {
+            self.now = Structure { joints: fewer, fitted: tried };
+        } else {
+            self.needed.push(cut);
+        }
+        true
+    }
+
+    /// Moves cuts to where joints were found, some times; returns whether it did.
+    fn cuts_anew(&mut self) -> bool {
+        if self.n_recuts == self.options.n_recuts || self.now.joints.is_empty() {
+            return false;
+        }
+        self.n_recuts += 1;
+        let start = self.now.recut(self.figure);
+        self.now.fitted = self.fit(&self.now.joints, start);
+        true
+    }
+
+    /// Tries a joint where a part does not move as one; returns whether there was one to be tried.
+    fn adds(&mut self) -> bool {
+        if self.n_splits == self.options.max_splits {
+            return false;
+        }
+        let (figure, options, now) = (self.figure, self.options, &self.now);
+        let Some((joint, gain)) = figure.split(&now.fitted, &self.taken, options) else {
+            return false;
+        };
+        let place = joint.position / figure.extent;
+        let more = [&now.joints[..], &[joint]].concat();
+        let parts = Parts::new(&figure.skeleton, &more);
+        let start = grown(&now.fitted.parts, &parts, now.fitted.state.clone(), place);
+        let tried = self.fit(&more, start);
+        let lost = |it: &Fitted| figure.lost(it, options);
+        if lost(&tried) < lost(&now.fitted) - SPLIT_GAIN * gain {
+            self.now = Structure { joints: more, fitted: tried };
+            // The new joint is only about where the part bends.
+            self.n_recuts = self.n_recuts.saturating_sub(1);
+        }
+        self.n_splits += 1;
+        self.taken.push(place);
+        true
     }
 }
