@@ -12,8 +12,9 @@ use crate::kernels::table::{Column, Table};
 
 /// Measures how many of the joints that move were detected, and how near.
 ///
-/// True joints are those of the rig that bend between its poses; its ends never do, and roll about bones
-/// does not count. A true and a detected joint that are near enough make a pair, the nearest first.
+/// True joints are those of the rig that bend between its poses; roll about bones does not count. Whether
+/// the rig's ends turn, as hooves and heads may, its places do not tell: what is detected there is neither
+/// right nor wrong. A true and a detected joint that are near enough make a pair, the nearest first.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointDetectionError {
@@ -40,7 +41,7 @@ impl JointDetectionError {
     const POSES: Inputs<Skeleton> = Inputs::new("poses", "the rig in all poses");
     const MESH: Input<TriMesh> = Input::new("mesh", "the shape, for its height");
     const JOINTS: Output<Table> =
-        Output::new("joints", "one row a joint that moves, then one for each wrong detection");
+        Output::new("joints", "one row a joint that moves, then one for each other detection");
     const SUMMARY: Output<Table> =
         Output::new("summary", "one row: counts, precision, recall, distances");
 }
@@ -48,7 +49,7 @@ impl JointDetectionError {
 impl Node for JointDetectionError {
     const SPEC: Spec = Spec {
         kind: "joint_detection_error",
-        version: 2,
+        version: 3,
         inputs: &[Self::DETECTED.port(), Self::TRUTH.port(), Self::POSES.port(), Self::MESH.port()],
         outputs: &[Self::SUMMARY.port(), Self::JOINTS.port()],
         cites: &["madaras2014skeleton"],
@@ -110,14 +111,17 @@ mesh = "@body.mesh"
 }
 
 fn joints_table(res: &Detection) -> Table {
-    let n_wrong = res.wrong.len();
+    let others: Vec<(usize, &str)> = (res.wrong.iter().map(|&it| (it, "wrong")))
+        .chain(res.at_ends.iter().map(|&it| (it, "at an end")))
+        .collect();
+    let n_others = others.len();
     let number = |name: &str, unit: &str, of: &dyn Fn(usize) -> f64| {
         let known = (0..res.truth.len()).map(of);
-        Column::numbers(name, unit, known.chain(std::iter::repeat_n(f64::NAN, n_wrong)).collect())
+        Column::numbers(name, unit, known.chain(std::iter::repeat_n(f64::NAN, n_others)).collect())
     };
-    let texts = |name: &str, of: &dyn Fn(usize) -> String, wrong: &dyn Fn(usize) -> String| {
+    let texts = |name: &str, of: &dyn Fn(usize) -> String, other: &dyn Fn(usize) -> String| {
         let known = (0..res.truth.len()).map(of);
-        Column::texts(name, known.chain((0..n_wrong).map(wrong)).collect())
+        Column::texts(name, known.chain((0..n_others).map(other)).collect())
     };
     let outcome = |it: usize| match res.truth[it].found {
         Some(_) => "found".to_owned(),
@@ -128,8 +132,8 @@ fn joints_table(res: &Detection) -> Table {
         _ => f64::NAN,
     };
     Table::new(vec![
-        texts("joint", &|it| res.truth[it].name.clone(), &|it| format!("row {}", res.wrong[it])),
-        texts("outcome", &outcome, &|_| "wrong".to_owned()),
+        texts("joint", &|it| res.truth[it].name.clone(), &|it| format!("row {}", others[it].0)),
+        texts("outcome", &outcome, &|it| others[it].1.to_owned()),
         number("angle", "°", &|it| res.truth[it].angle),
         number("distance of height", "%", &distance),
     ])
@@ -143,6 +147,7 @@ fn summary(res: &Detection) -> Table {
     Table::new(vec![
         number("true joints", "", res.truth.len() as f64),
         number("detected", "", res.n_detected as f64),
+        number("at ends", "", res.at_ends.len() as f64),
         number("found", "", res.n_found() as f64),
         number("precision", "", res.precision()),
         number("recall", "", res.recall()),

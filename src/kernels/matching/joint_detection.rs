@@ -33,9 +33,12 @@ pub struct TrueJoint {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Detection {
     pub truth: Vec<TrueJoint>,
+    /// Without those at ends.
     pub n_detected: usize,
     /// Detected joints that are none.
     pub wrong: Vec<usize>,
+    /// Detected joints at ends of the rig (hooves, heads): whether those turn, places of joints do not tell.
+    pub at_ends: Vec<usize>,
 }
 
 impl Detection {
@@ -63,8 +66,8 @@ impl Detection {
 /// Holds detected joints against the joints of a rig that bend between its poses.
 ///
 /// `truth` is the rig in the pose of the detected positions. What bends is found as [`find_joints`] does, on
-/// single bones: ends of the rig never do, and roll about bones does not count. Pairs are made from
-/// the nearest on, each joint is in one at most.
+/// single bones: roll about bones does not count, and of ends of the rig it is not known, so that what is detected
+/// there is neither right nor wrong. Pairs are made from the nearest on, each joint is in one at most.
 ///
 /// # Errors
 /// See [`JointsError`].
@@ -114,8 +117,18 @@ pub fn joint_detection(
             joint.distance = joint.distance.min(distance);
         }
     }
-    let wrong = (0..detected.len()).filter(|&it| !is_taken[it]).collect();
-    Ok(Detection { truth: true_joints, n_detected: detected.len(), wrong })
+    let children = truth.children();
+    let ends: Vec<Vec3> = (0..truth.n_joints())
+        .filter(|&it| children[it].is_empty())
+        .map(|it| truth.positions()[it])
+        .collect();
+    let is_at_end = |&it: &usize| {
+        ends.iter().any(|end| (end - detected[it]).norm() * percent <= options.tolerance)
+    };
+    let (at_ends, wrong): (Vec<usize>, Vec<usize>) =
+        (0..detected.len()).filter(|&it| !is_taken[it]).partition(is_at_end);
+    let n_detected = detected.len() - at_ends.len();
+    Ok(Detection { truth: true_joints, n_detected, wrong, at_ends })
 }
 
 #[cfg(test)]
@@ -154,6 +167,9 @@ mod tests {
         check(&[1.15, 0.9, 2.0], &[Some(1)], &[0, 2], [1.0 / 3.0, 1.0]);
         check(&[1.3], &[None], &[0], [0.0, 0.0]);
         check(&[], &[None], &[], [1.0, 0.0]);
+        // Nothing is known of the toe, at 3.
+        check(&[1.0, 3.1], &[Some(0)], &[], [1.0, 1.0]);
+        check(&[1.0, 3.3], &[Some(0)], &[1], [0.5, 1.0]);
         let lax = DetectionOptions { min_angle: 5.0, ..options };
         let both = joint_detection(&[], &rig(), &[bent()], &lax).unwrap();
         assert_eq!(both.truth.iter().map(|it| it.angle.round()).collect::<Vec<_>>(), [60.0, 10.0]);
