@@ -47,9 +47,8 @@ pub struct Setting<'a> {
 const STIFF: Weights =
     Weights { slide: 0.05, curve: 1e-3, joint: 0.02, prior: 1e-4, held: 1.0, reach: 0.0 };
 
-/// With skin, surfaces tell more than curves, and parts fit where they are joined. Only where parts turn about
-/// one axis alone, nothing but the prior tells where on it the joint is.
-const SKIN: Weights = Weights { curve: 1e-4, joint: 0.1, prior: 2e-5, ..STIFF };
+/// With skin, surfaces tell more than curves, and parts fit where they are joined.
+const SKIN: Weights = Weights { curve: 1e-4, joint: 0.1, ..STIFF };
 
 /// Moves stiff parts onto the surfaces, from where curves are or from a state that is near the end. Skin near
 /// joints counts little.
