@@ -135,13 +135,18 @@ fn two_joints_with_hardly_anything_but_skin_between_them_are_both_found() {
 #[test]
 fn a_joint_that_would_be_outside_of_the_body_stays_on_its_curve() {
     let (mesh, skeleton) = (arm(), line(19));
-    // About an axis that is three times as far away as the skin.
-    let (center, turn) = (Vec3::new(1.0, 0.0, 0.75), Vec3::y() * 0.5);
-    let poses = [skeleton.positions().to_vec(), bent(skeleton.positions(), center, turn)];
-    let other = mesh.with_vertices(bent(mesh.vertices(), center, turn)).unwrap();
+    // About an axis that is twice as far away as the skin.
+    let center = Vec3::new(1.0, 0.0, 0.4);
+    let turns = [Vec3::zeros(), Vec3::y() * 0.4, Vec3::y() * -0.4];
+    let poses: Vec<Vec<Vec3>> =
+        turns.iter().map(|it| bent(skeleton.positions(), center, *it)).collect();
+    let surfaces: Vec<TriMesh> = turns
+        .iter()
+        .map(|it| mesh.with_vertices(bent(mesh.vertices(), center, *it)).unwrap())
+        .collect();
+    let surfaces: Vec<&TriMesh> = surfaces.iter().collect();
     let options = FitOptions::default();
-    let candidates = [joint_at(10)];
-    let fit = fit_joints(&skeleton, &poses, &[&mesh, &other], &candidates, &options).unwrap();
+    let fit = fit_joints(&skeleton, &poses, &surfaces, &[joint_at(10)], &options).unwrap();
     assert!(!fit.joints.is_empty());
     for joint in &fit.joints {
         let beside = Vec3::new(0.0, joint.position.y, joint.position.z).norm();
