@@ -12,7 +12,7 @@ use crate::kernels::{
     files::FileSet,
     geometry::mesh::TriMesh,
     io::{
-        character::Character,
+        character::{Character, CoreJoints},
         gltf::{GltfOptions, RestPose, external_buffers},
         read::{EXTENSIONS, read_character},
     },
@@ -67,6 +67,9 @@ pub enum Joints {
     /// As `core`, and the tree starts below a root that moves nothing and has a single child: such roots
     /// stand on the floor, outside of the body.
     Deforming,
+    /// As `deforming`, and handles beside the tree that carry weight of their own stay, with what hangs on them:
+    /// in rigs with inverse kinematics they are ankles.
+    Skinned,
 }
 
 /// Which pose is the rest pose.
@@ -206,8 +209,9 @@ impl Node for Load {
         let (name, mut character) = self.read(io)?;
         match self.joints {
             Joints::All => {}
-            Joints::Core => character.keep_core_joints(false),
-            Joints::Deforming => character.keep_core_joints(true),
+            Joints::Core => character.keep_core_joints(CoreJoints::default()),
+            Joints::Deforming => character.keep_core_joints(CoreJoints::DEFORMING),
+            Joints::Skinned => character.keep_core_joints(CoreJoints::SKINNED),
         }
         let clip = self.chosen_clip(&character.clips)?;
         for note in character.notes {

@@ -41,11 +41,10 @@ impl Character {
     /// else of the whole tree. World motion of the joints that stay is unchanged. Does nothing
     /// without a skeleton.
     ///
-    /// A root without weight that has a single child often stands on the floor, outside of the body;
-    /// with `drop_loose_root` the tree starts below it.
-    pub fn keep_core_joints(&mut self, drop_loose_root: bool) {
+    /// Does otherwise as told by `which`.
+    pub fn keep_core_joints(&mut self, which: CoreJoints) {
         let (Some(skeleton), Some(weights)) = (&self.skeleton, &self.weights) else { return };
-        let core = Core::of(skeleton, weights, drop_loose_root);
+        let core = Core::of(skeleton, weights, which);
         let new_of_old: HashMap<usize, u32> =
             core.kept.iter().enumerate().map(|(new, &old)| (old, new as u32)).collect();
         let n_dropped = skeleton.n_joints() - core.kept.len();
@@ -77,6 +76,21 @@ impl Character {
     }
 }
 
+/// What counts as a joint that deforms the mesh.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct CoreJoints {
+    /// The tree starts below a root without weight that has a single child: it often stands on the floor, outside
+    /// of the body.
+    pub no_loose_root: bool,
+    /// Other roots that carry weight are hung on the tree themselves, with their children.
+    pub skinned_roots: bool,
+}
+
+impl CoreJoints {
+    pub const DEFORMING: Self = Self { no_loose_root: true, skinned_roots: false };
+    pub const SKINNED: Self = Self { no_loose_root: true, skinned_roots: true };
+}
+
 /// Which joints stay, and where they hang.
 struct Core {
     /// Old indices, parents first.
@@ -86,7 +100,7 @@ struct Core {
 }
 
 impl Core {
-    fn of(skeleton: &Skeleton, weights: &SkinWeights, drop_loose_root: bool) -> Self {
+    fn of(skeleton: &Skeleton, weights: &SkinWeights, which: CoreJoints) -> Self {
         let n_joints = skeleton.n_joints();
         let mut own = vec![0.0; n_joints];
         for vertex in 0..weights.n_vertices() {
@@ -112,15 +126,18 @@ impl Core {
         let tree: Vec<usize> =
             (0..n_joints).filter(|&it| root_of[it] == root && own[it] > 0.0).collect();
         for other in roots().filter(|&it| it != root && below[it] > 0.0) {
-            let hung: Vec<usize> =
+            let mut hung: Vec<usize> =
                 children[other].iter().copied().filter(|&it| below[it] > 0.0).collect();
+            if which.skinned_roots && own[other] > 0.0 {
+                hung.clear();
+            }
             dropped[other] = !hung.is_empty();
             for joint in if hung.is_empty() { vec![other] } else { hung } {
                 parents[joint] = nearest(skeleton, joint, tree.iter().copied()).or(Some(root));
             }
         }
         let mut first = root;
-        while drop_loose_root && own[first] == 0.0 {
+        while which.no_loose_root && own[first] == 0.0 {
             let below_first = |it: &usize| parents[*it] == Some(first) && !dropped[*it];
             let [child] = (0..n_joints).filter(below_first).collect::<Vec<_>>()[..] else { break };
             dropped[first] = true;
@@ -297,7 +314,7 @@ mod tests {
     #[test]
     fn core_joints_are_one_tree_that_moves_as_before() {
         let mut character = rigged();
-        character.keep_core_joints(false);
+        character.keep_core_joints(CoreJoints::default());
         let (skeleton, weights) = (character.skeleton.unwrap(), character.weights.unwrap());
         assert_eq!(skeleton.names(), ["root", "spine", "leg", "foot"]);
         assert_eq!(skeleton.parents(), [None, Some(0), Some(1), Some(2)]);
@@ -316,12 +333,22 @@ mod tests {
     #[test]
     fn a_loose_root_is_dropped_on_demand() {
         let mut character = rigged();
-        character.keep_core_joints(true);
+        character.keep_core_joints(CoreJoints::DEFORMING);
         let skeleton = character.skeleton.unwrap();
         assert_eq!(skeleton.names(), ["spine", "leg", "foot"]);
         assert_eq!(skeleton.parents(), [None, Some(0), Some(1)]);
         let (_, positions) = world_frames(&character.clips[0], skeleton.parents(), 0);
         assert!((positions[0] - Vec3::new(0.0, 2.0, 1.0)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn a_handle_with_weight_is_an_ankle_on_demand() {
+        let mut character = rigged();
+        character.keep_core_joints(CoreJoints::SKINNED);
+        let (skeleton, weights) = (character.skeleton.unwrap(), character.weights.unwrap());
+        assert_eq!(skeleton.names(), ["spine", "leg", "handle", "foot"]);
+        assert_eq!(skeleton.parents(), [None, Some(0), Some(1), Some(2)]);
+        assert_eq!(weights.row(2).collect::<Vec<_>>(), [(1, 0.5), (2, 0.5)]);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde_json::Value;
 
 use super::{
-    character::Character,
+    character::{Character, CoreJoints},
     glb::{GlbRig, GlbScene, write_glb},
     gltf::{GltfOptions, RestPose, read_gltf},
     read::read_character,
@@ -77,9 +77,25 @@ fn animals_have_the_core_joints_of_the_corpus() {
         assert_eq!(character.mesh.n_vertices(), n_vertices);
         let truth = json(&format!("animals/{name}.joints.json"));
         assert_joints(&character, &truth["joints"], name);
-        character.keep_core_joints(false);
+        character.keep_core_joints(CoreJoints::default());
         assert_joints(&character, &truth["core_joints"], name);
         assert!(character.clips.len() > 5);
+    }
+}
+
+#[test]
+fn ankles_of_an_animal_are_joints_of_its_legs() {
+    let Some(character) = read("animals/horse.glb", GltfOptions::default()) else { return };
+    let mut character = character.unwrap();
+    character.keep_core_joints(CoreJoints::SKINNED);
+    let skeleton = character.skeleton.unwrap();
+    for (leg, ankle, hoof) in
+        [("FrontLowerLeg.L", "IKFrontLeg.L", "FF.L"), ("BackLowerLeg.R", "IKBackLeg.R", "FFB.R")]
+    {
+        let [leg, ankle, hoof] = [leg, ankle, hoof].map(|it| skeleton.joint(it));
+        assert!(leg.is_some() && ankle.is_some() && hoof.is_some());
+        let parents = [ankle, hoof].map(|it| skeleton.parents()[it.unwrap()]);
+        assert_eq!(parents, [leg, ankle]);
     }
 }
 
@@ -141,7 +157,7 @@ fn rigs_written_and_read_again_move_as_before() {
         let Some(character) = read(path, GltfOptions::default()) else { return };
         let mut before = character.unwrap();
         if core {
-            before.keep_core_joints(false);
+            before.keep_core_joints(CoreJoints::default());
         }
         let (skeleton, weights) = (before.skeleton.as_ref().unwrap(), before.weights.as_ref());
         let rig = GlbRig { skeleton, weights, clips: &before.clips };

@@ -1,6 +1,7 @@
 //! No bytes make a reader panic: every beginning of small files, and files with flipped bits.
 
 use super::{
+    character::CoreJoints,
     glb::{GlbScene, write_glb},
     gltf::GltfOptions,
     obj::write_obj,
@@ -50,7 +51,7 @@ fn read(extension: &str, bytes: &[u8]) -> Result<(), String> {
     let options = GltfOptions::default();
     let character =
         read_character(extension, bytes, &|_| None, options).map_err(|it| it.to_string())?;
-    character.clone().keep_core_joints(true);
+    character.clone().keep_core_joints(CoreJoints::DEFORMING);
     Ok(())
 }
 
