@@ -3,22 +3,25 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::engine::node::{Input, Inputs, Node, NodeError, NodeIo, Output, Spec};
+use crate::engine::node::{Input, Node, NodeError, NodeIo, OptionalInputs, Output, Spec};
 use crate::kernels::geometry::mesh::{TriMesh, Vec3};
 use crate::kernels::matching::joint_detection::{Detection, DetectionOptions, joint_detection};
+use crate::kernels::matching::moving_joints::Moving;
+use crate::kernels::rigs::clip::Clip;
 use crate::kernels::rigs::joint_error::{HeightAxis, height};
 use crate::kernels::rigs::skeleton::Skeleton;
 use crate::kernels::table::{Column, Table};
 
 /// Measures how many of the joints that move were detected, and how near.
 ///
-/// True joints are those of the rig that bend between its poses; roll about bones does not count. Whether
-/// the rig's ends turn, as hooves and heads may, its places do not tell: what is detected there is neither
-/// right nor wrong. A true and a detected joint that are near enough make a pair, the nearest first.
+/// True joints are those of the rig that turn against their parent in its `motions`. Without these they are where
+/// the rig bends between its `poses`: roll about bones does not count then, and whether its ends turn, as hooves and
+/// heads may, places of joints do not tell, so that what is detected there is neither right nor wrong. A true and a
+/// detected joint that are near enough make a pair, the nearest first.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointDetectionError {
-    /// True joints bend by more than this against the pose of `truth`, in degrees.
+    /// True joints turn by more than this against the pose of `truth`, in degrees.
     #[schemars(range(min = 0.0, max = 180.0))]
     pub min_angle: f64,
     /// The farthest that a detected joint may be from a true one, in percent of the height.
@@ -38,7 +41,10 @@ impl JointDetectionError {
     const DETECTED: Input<Table> =
         Input::new("detected", "detected joints: columns `x`, `y`, `z`, as `joints` makes them");
     const TRUTH: Input<Skeleton> = Input::new("truth", "the rig, in the pose of these places");
-    const POSES: Inputs<Skeleton> = Inputs::new("poses", "the rig in all poses");
+    const POSES: OptionalInputs<Skeleton> =
+        OptionalInputs::new("poses", "the rig in all poses, if its motions are not known");
+    const MOTIONS: OptionalInputs<Clip> =
+        OptionalInputs::new("motions", "how the rig moves; its first pose is that of `truth`");
     const MESH: Input<TriMesh> = Input::new("mesh", "the shape, for its height");
     const JOINTS: Output<Table> =
         Output::new("joints", "one row a joint that moves, then one for each other detection");
@@ -49,8 +55,14 @@ impl JointDetectionError {
 impl Node for JointDetectionError {
     const SPEC: Spec = Spec {
         kind: "joint_detection_error",
-        version: 3,
-        inputs: &[Self::DETECTED.port(), Self::TRUTH.port(), Self::POSES.port(), Self::MESH.port()],
+        version: 4,
+        inputs: &[
+            Self::DETECTED.port(),
+            Self::TRUTH.port(),
+            Self::POSES.port(),
+            Self::MOTIONS.port(),
+            Self::MESH.port(),
+        ],
         outputs: &[Self::SUMMARY.port(), Self::JOINTS.port()],
         cites: &["madaras2014skeleton"],
         example: r#"[nodes.body]
@@ -96,23 +108,35 @@ mesh = "@body.mesh"
         if !(height > 0.0) {
             return Err(NodeError::failed("the mesh has no extent along the chosen axis"));
         }
-        let poses: Vec<_> =
-            io.get_all(Self::POSES).iter().map(|it| it.positions().to_vec()).collect();
-        let options =
-            DetectionOptions { min_angle: self.min_angle, tolerance: self.tolerance, height };
-        let res = joint_detection(&places, &truth, &poses, &options)?;
-        if res.truth.is_empty() {
-            io.note(format!("no joint of the rig bends by more than {} degrees", self.min_angle));
+        let moving = self.moving(io, &truth)?;
+        if moving.joints.is_empty() {
+            io.note(format!("no joint of the rig turns by more than {} degrees", self.min_angle));
         }
+        let options = DetectionOptions { tolerance: self.tolerance, height };
+        let res = joint_detection(&places, moving, &options);
         io.put(Self::JOINTS, joints_table(&res));
         io.put(Self::SUMMARY, summary(&res));
         Ok(())
     }
 }
 
+impl JointDetectionError {
+    fn moving(&self, io: &NodeIo<'_>, truth: &Skeleton) -> Result<Moving, NodeError> {
+        let motions = io.get_all_optional(Self::MOTIONS);
+        let motions: Vec<&Clip> = motions.iter().map(|it| &**it).collect();
+        let poses = io.get_all_optional(Self::POSES);
+        let poses: Vec<_> = poses.iter().map(|it| it.positions().to_vec()).collect();
+        match (motions.is_empty(), poses.is_empty()) {
+            (false, _) => Ok(Moving::by_turns(truth, &motions, self.min_angle)?),
+            (true, false) => Ok(Moving::by_places(truth, &poses, self.min_angle)?),
+            (true, true) => Err(NodeError::failed("there are neither `motions` nor `poses`")),
+        }
+    }
+}
+
 fn joints_table(res: &Detection) -> Table {
     let others: Vec<(usize, &str)> = (res.wrong.iter().map(|&it| (it, "wrong")))
-        .chain(res.at_ends.iter().map(|&it| (it, "at an end")))
+        .chain(res.unknown.iter().map(|&it| (it, "not known")))
         .collect();
     let n_others = others.len();
     let number = |name: &str, unit: &str, of: &dyn Fn(usize) -> f64| {
@@ -132,9 +156,11 @@ fn joints_table(res: &Detection) -> Table {
         _ => f64::NAN,
     };
     Table::new(vec![
-        texts("joint", &|it| res.truth[it].name.clone(), &|it| format!("row {}", others[it].0)),
+        texts("joint", &|it| res.truth[it].joint.name.clone(), &|it| {
+            format!("row {}", others[it].0)
+        }),
         texts("outcome", &outcome, &|it| others[it].1.to_owned()),
-        number("angle", "°", &|it| res.truth[it].angle),
+        number("angle", "°", &|it| res.truth[it].joint.angle),
         number("distance of height", "%", &distance),
     ])
 }
@@ -147,7 +173,7 @@ fn summary(res: &Detection) -> Table {
     Table::new(vec![
         number("true joints", "", res.truth.len() as f64),
         number("detected", "", res.n_detected as f64),
-        number("at ends", "", res.at_ends.len() as f64),
+        number("not known", "", res.unknown.len() as f64),
         number("found", "", res.n_found() as f64),
         number("precision", "", res.precision()),
         number("recall", "", res.recall()),
