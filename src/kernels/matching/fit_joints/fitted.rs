@@ -44,11 +44,19 @@ pub struct Setting<'a> {
 
 /// Joints and priors are weak while parts are stiff: what holds parts together by force also holds them off
 /// their places, and a prior on the curve is felt where parts turn little.
-const STIFF: Weights =
-    Weights { slide: 0.05, curve: 1e-3, joint: 0.02, prior: 1e-4, held: 1.0, reach: 0.0 };
+const STIFF: Weights = Weights {
+    slide: 0.05,
+    curve: 1e-3,
+    joint: 0.02,
+    prior: 1e-4,
+    free: 0.0,
+    held: 1.0,
+    reach: 0.0,
+};
 
-/// With skin, surfaces tell more than curves, and parts fit where they are joined.
-const SKIN: Weights = Weights { curve: 1e-4, joint: 0.1, ..STIFF };
+/// With skin, surfaces tell more than curves, and parts fit where they are joined. Joints are held to curves only
+/// along axes that all turns share.
+const SKIN: Weights = Weights { curve: 1e-4, joint: 0.1, prior: 2e-5, free: 1e-3, ..STIFF };
 
 /// Moves stiff parts onto the surfaces, from where curves are or from a state that is near the end. Skin near
 /// joints counts little.

@@ -40,6 +40,8 @@ pub struct Weights {
     pub joint: f64,
     /// Distances of joints from where they began.
     pub prior: f64,
+    /// The same, along axes on which turns hardly say where a joint is.
+    pub free: f64,
     /// The same, of joints that are held.
     pub held: f64,
     /// Beyond this distance a point of the surface counts less and less.
@@ -75,11 +77,14 @@ pub fn step(state: &mut State, problem: &Problem<'_>, weights: &Weights) -> Vec<
     let mut matrix = DMatrix::<f64>::identity(3 * n_joints, 3 * n_joints) * 1e-12;
     let mut right = DVector::<f64>::zeros(3 * n_joints);
     for (joint, &place) in cuts.iter().enumerate() {
-        let prior = if is_held[joint] { weights.held } else { weights.prior };
-        for axis in 0..3 {
-            matrix[(3 * joint + axis, 3 * joint + axis)] += prior;
-            right[3 * joint + axis] -= prior * (state.joints[joint][axis] - place[axis]);
-        }
+        let prior = match is_held[joint] {
+            true => Matrix3::identity() * weights.held,
+            false => Matrix3::identity() * weights.prior + known_little(&all, joint) * weights.free,
+        };
+        let mut view = matrix.fixed_view_mut::<3, 3>(3 * joint, 3 * joint);
+        view += prior;
+        let mut view = right.fixed_rows_mut::<3>(3 * joint);
+        view -= prior * (state.joints[joint] - place);
     }
     let mut solved = Vec::with_capacity(all.len());
     for (it, _) in &all {
@@ -146,6 +151,21 @@ fn equations(
         }
     }
     (assemble(motions, joints, &blocks, sides, weights), blocks.near)
+}
+
+/// Projects onto the axes along which turns hardly say where a joint is: a hinge turns points of its axis nowhere,
+/// so that gaps are the same wherever on it the joint is.
+fn known_little(all: &[(Equations, f64)], joint: usize) -> Matrix3<f64> {
+    /// What is known there, against the axis of which most is.
+    const LITTLE: f64 = 0.03;
+    let block = |it: &(Equations, f64)| -> Matrix3<f64> {
+        it.0.joints.fixed_view::<3, 3>(3 * joint, 3 * joint).into_owned()
+    };
+    let known = all.iter().map(block).sum::<Matrix3<f64>>().symmetric_eigen();
+    let most = known.eigenvalues.max();
+    let axes = known.eigenvalues.iter().zip(known.eigenvectors.column_iter());
+    let little = axes.filter(|(it, _)| **it < LITTLE * most);
+    little.map(|(_, axis)| axis * axis.transpose()).sum()
 }
 
 /// Both sides of a joint that are farther apart than this count less and less for it.
