@@ -148,6 +148,11 @@ pub fn signed_volume(mesh: &TriMesh) -> f64 {
         .sum()
 }
 
+/// A closed mesh with its faces outward.
+pub fn outward(mesh: TriMesh) -> TriMesh {
+    if signed_volume(&mesh) < 0.0 { mesh.inverted() } else { mesh }
+}
+
 fn icosahedron() -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let golden = 0.5 + 1.25f64.sqrt();
     let mut vertices = Vec::with_capacity(12);
