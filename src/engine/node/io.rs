@@ -11,7 +11,7 @@ use super::{
     OptionalOutput, Output, Port, Spec,
 };
 use crate::engine::{
-    artifact::{AnyArtifact, Artifact, Bytes},
+    artifact::{AnyArtifact, Artifact, EncodedArtifact},
     digest::Digest,
     labels::InputLabels,
 };
@@ -144,7 +144,7 @@ impl<'a> NodeIo<'a> {
     ///
     /// # Panics
     /// If the port has another type.
-    pub fn put_any(&mut self, port: &'static str, (artifact, bytes): (AnyArtifact, Bytes)) {
+    pub fn put_any(&mut self, port: &'static str, (artifact, bytes): EncodedArtifact) {
         self.assert_declared(port);
         let ty = self.spec.outputs.iter().find(|it| it.name == port).map(|it| it.ty);
         assert_eq!(Some(artifact.ty()), ty, "the type of the output `{port}`");
@@ -248,8 +248,8 @@ impl<'a> NodeIo<'a> {
 /// What a run wrote.
 #[derive(Default)]
 pub struct NodeOutputs {
-    /// By port: the artifact and its bytes.
-    pub artifacts: BTreeMap<&'static str, (AnyArtifact, Bytes)>,
+    /// By port.
+    pub artifacts: BTreeMap<&'static str, EncodedArtifact>,
     /// Optional outputs that were left out, and why.
     pub absent: BTreeMap<&'static str, String>,
     /// Remarks for the user, kept with the result.

@@ -4,14 +4,14 @@ use std::{borrow::Cow, collections::BTreeMap};
 
 use serde_json::{Map, Value};
 
-use super::{Dtype, Number};
+use super::{Number, RawArray};
 
 /// Collects the arrays and texts of one artifact.
 #[derive(Default)]
 pub struct Encoder<'a> {
     /// Put before every name: `mesh.` inside of a part.
     prefix: String,
-    arrays: Vec<(String, Dtype, Vec<usize>, Cow<'a, [u8]>)>,
+    arrays: Vec<(String, RawArray<'a>)>,
     texts: BTreeMap<String, String>,
 }
 
@@ -22,8 +22,7 @@ impl<'a> Encoder<'a> {
     /// If the shape does not hold as many numbers as are given.
     pub fn array<T: Number>(&mut self, name: &str, shape: &[usize], values: &'a [T]) {
         assert_eq!(shape.iter().product::<usize>(), values.len(), "`{name}`: shape and numbers");
-        let bytes = Cow::Borrowed(bytemuck::cast_slice(values));
-        self.arrays.push((self.full_name(name), T::DTYPE, shape.to_vec(), bytes));
+        self.add::<T>(name, shape, Cow::Borrowed(bytemuck::cast_slice(values)));
     }
 
     /// Adds an array that was made for the file.
@@ -36,7 +35,12 @@ impl<'a> Encoder<'a> {
             Ok(bytes) => bytes,
             Err((_, values)) => bytemuck::cast_slice(&values).to_vec(),
         };
-        self.arrays.push((self.full_name(name), T::DTYPE, shape.to_vec(), Cow::Owned(bytes)));
+        self.add::<T>(name, shape, Cow::Owned(bytes));
+    }
+
+    fn add<T: Number>(&mut self, name: &str, shape: &[usize], bytes: Cow<'a, [u8]>) {
+        let array = RawArray { dtype: T::DTYPE, shape: shape.to_vec(), bytes };
+        self.arrays.push((self.full_name(name), array));
     }
 
     /// Adds a text.
@@ -64,11 +68,11 @@ impl<'a> Encoder<'a> {
     /// Writes the file.
     pub fn finish(mut self) -> Vec<u8> {
         let header = self.header();
-        let n_bytes = self.arrays.iter().map(|it| it.3.len()).sum::<usize>();
+        let n_bytes = self.arrays.iter().map(|it| it.1.bytes.len()).sum::<usize>();
         let mut res = Vec::with_capacity(header.len() + n_bytes);
         res.extend(header);
-        for (_, _, _, bytes) in &self.arrays {
-            res.extend_from_slice(bytes);
+        for (_, array) in &self.arrays {
+            res.extend_from_slice(&array.bytes);
         }
         res
     }
@@ -76,7 +80,7 @@ impl<'a> Encoder<'a> {
     /// Whether the file would have these bytes. It is not written for that.
     pub fn is(mut self, bytes: &[u8]) -> bool {
         let header = self.header();
-        let arrays = self.arrays.iter().map(|it| &*it.3);
+        let arrays = self.arrays.iter().map(|it| &*it.1.bytes);
         let rest = std::iter::once(&header[..]).chain(arrays).try_fold(bytes, |rest, piece| {
             match rest.split_at_checked(piece.len()) {
                 // A piece of the file itself need not be compared.
@@ -89,13 +93,13 @@ impl<'a> Encoder<'a> {
 
     /// Puts the arrays into their order; what stands before them.
     fn header(&mut self) -> Vec<u8> {
-        self.arrays.sort_by_key(|it| std::cmp::Reverse(it.1.size()));
+        self.arrays.sort_by_key(|it| std::cmp::Reverse(it.1.dtype.size()));
         let mut header = Map::new();
         let texts = std::mem::take(&mut self.texts).into_iter();
         let texts = texts.map(|(k, v)| (k, Value::String(v)));
         header.insert("__metadata__".to_owned(), Value::Object(texts.collect()));
         let mut offset = 0;
-        for (name, dtype, shape, bytes) in &self.arrays {
+        for (name, RawArray { dtype, shape, bytes }) in &self.arrays {
             let end = offset + bytes.len();
             let entry = serde_json::json!({
                 "dtype": dtype.name(), "shape": shape, "data_offsets": [offset, end],

@@ -302,7 +302,7 @@ pub fn next(edge: u32) -> u32 {
 
 /// The half-edge before it around its face.
 pub fn previous(edge: u32) -> u32 {
-    if edge % 3 == 0 { edge + 2 } else { edge - 1 }
+    if edge.is_multiple_of(3) { edge + 2 } else { edge - 1 }
 }
 
 #[cfg(test)]

@@ -16,7 +16,7 @@ pub fn geodesic_sphere(frequency: usize) -> TriMesh {
     assert!(frequency > 0, "edges are cut into one part at least");
     let mut odd = frequency;
     let mut parts = vec![];
-    while odd % 2 == 0 {
+    while odd.is_multiple_of(2) {
         parts.push(2);
         odd /= 2;
     }
