@@ -172,9 +172,9 @@ fn chains() -> String {
     for chain in ["a", "b"] {
         for step in 0..20 {
             let _ = write!(text, "[nodes.{chain}{step}]\nkind = \"work\"\nparam = {step}\n");
-            let _ = write!(text, "rounds = 2_000_000\n");
+            let _ = writeln!(text, "rounds = 2_000_000");
             if step > 0 {
-                let _ = write!(text, "parents = [\"@{chain}{}\"]\n", step - 1);
+                let _ = writeln!(text, "parents = [\"@{chain}{}\"]", step - 1);
             }
             text.push('\n');
         }
@@ -198,6 +198,7 @@ struct Sample {
 /// Runs this program again: `args` with the folder after the first.
 fn start(folder: &Path, args: &[&str]) -> Sample {
     let start = Instant::now();
+    #[expect(clippy::zombie_processes, reason = "`wait4` below waits, and tells what was used")]
     let mut child = Command::new(std::env::current_exe().expect("this program"))
         .arg(args[0])
         .arg(folder)

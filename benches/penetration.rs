@@ -64,6 +64,7 @@ fn body(options: SynthesizeOptions) -> Character {
 /// A `name=value` word; `cargo bench` adds `--bench`, which is skipped.
 fn number(name: &str, default: usize) -> usize {
     let words = std::env::args().skip(1);
-    let value = words.filter_map(|it| Some(it.strip_prefix(name)?.strip_prefix('=')?.to_owned()));
-    value.last().map_or(default, |it| it.parse().expect("a number"))
+    let mut value =
+        words.filter_map(|it| Some(it.strip_prefix(name)?.strip_prefix('=')?.to_owned()));
+    value.next_back().map_or(default, |it| it.parse().expect("a number"))
 }

@@ -1,7 +1,9 @@
 //! Nodes along axes: what a pipeline expands to, what runs again when items come and go, and what is
 //! wrong with an axis.
 
-use std::{fs, path::PathBuf};
+mod folder;
+
+use std::fs;
 
 use sinew::engine::{
     events::{Outcome, RunReport, Silent},
@@ -12,29 +14,9 @@ use sinew::engine::{
     toy::TOY,
 };
 
-/// A temporary folder with a pipeline, its data, and a cache.
-struct Folder(tempfile::TempDir);
+use folder::Folder;
 
 impl Folder {
-    /// `files`: paths and texts; one of them is `pipeline.toml`.
-    fn new(files: &[(&str, &str)]) -> Self {
-        let res = Self(tempfile::tempdir().unwrap());
-        for (name, text) in files {
-            res.write(name, text);
-        }
-        res
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn write(&self, name: &str, text: &str) {
-        let path = self.path(name);
-        fs::create_dir_all(path.parent().unwrap()).unwrap();
-        fs::write(path, text).unwrap();
-    }
-
     fn try_load(&self, settings: &Settings) -> Result<Graph, Vec<String>> {
         pipeline::load(&self.path("pipeline.toml"), &TOY, settings).map_err(|e| {
             e.list

@@ -1,76 +1,20 @@
 //! Programs as nodes: what they get, what they may leave, how they end.
 
+mod folder;
+mod work;
+
 use std::{
     fs,
     os::unix::fs::PermissionsExt,
-    path::{Path, PathBuf},
-    process::{Command, Output},
+    path::Path,
+    process::Command,
     time::{Duration, Instant},
 };
 
-use tempfile::TempDir;
+use work::{BODY, Work};
 
-/// A folder with a pipeline in it.
-struct Work {
-    folder: TempDir,
-}
-
-/// A small mesh to hand to programs.
-const BODY: &str = "[nodes.body]\nkind = \"load\"\npath = \"tetrahedron.off\"\n";
-
-impl Work {
-    fn new(pipeline: &str) -> Self {
-        let res = Self { folder: tempfile::tempdir().unwrap() };
-        let tetrahedron =
-            "OFF\n4 4 6\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
-        res.write("tetrahedron.off", tetrahedron);
-        res.write("pipeline.toml", pipeline);
-        res
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn write(&self, name: &str, text: &str) {
-        fs::write(self.path(name), text).unwrap();
-    }
-
-    fn read(&self, name: &str) -> String {
-        fs::read_to_string(self.path(name)).unwrap()
-    }
-
-    fn sinew(&self, arguments: &[&str]) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_sinew"))
-            .args(arguments)
-            .current_dir(self.folder.path())
-            .env("SINEW_CACHE", "cache")
-            .env("SECRET", "of the user")
-            .output()
-            .unwrap()
-    }
-
-    /// Runs the pipeline; everything that is printed.
-    fn run(&self) -> (Option<i32>, String) {
-        let output = self.sinew(&["run", "pipeline.toml"]);
-        let text = [output.stdout, output.stderr].concat();
-        (output.status.code(), String::from_utf8(text).unwrap())
-    }
-
-    #[track_caller]
-    fn succeed(&self) -> String {
-        let (code, text) = self.run();
-        assert_eq!(code, Some(0), "{text}");
-        text
-    }
-
-    #[track_caller]
-    fn fail(&self, code: i32, message: &str) -> String {
-        let (found, text) = self.run();
-        assert!(text.contains(message), "`{message}` is not in:\n{text}");
-        assert_eq!(found, Some(code), "{text}");
-        text
-    }
+fn work(pipeline: &str) -> Work {
+    Work::new(pipeline, &[])
 }
 
 /// A node that runs a line of shell, with one text output at `out/res.txt`.
@@ -84,7 +28,7 @@ fn shell(line: &str) -> String {
 
 #[track_caller]
 fn check_fails(pipeline: &str, message: &str) {
-    let work = Work::new(pipeline);
+    let work = work(pipeline);
     let output = work.sinew(&["check", "pipeline.toml"]);
     let text = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
     assert!(text.contains(message), "`{message}` is not in:\n{text}");
@@ -95,7 +39,7 @@ fn check_fails(pipeline: &str, message: &str) {
 fn artifacts_go_in_and_come_out_in_any_format() {
     let formats = ["ply", "obj", "off", "safetensors", "glb"];
     for format in formats {
-        let work = Work::new(&format!(
+        let work = work(&format!(
             "{BODY}\n[nodes.copy]\nkind = \"command\"\ninputs = {{ mesh = \"@body.mesh\" }}\n\
              outputs = {{ copy = \"mesh\" }}\n\
              command = [\"cp\", \"{{in:mesh.{format}}}\", \"{{out:copy.{format}}}\"]\n\n\
@@ -110,7 +54,7 @@ fn artifacts_go_in_and_come_out_in_any_format() {
 
 #[test]
 fn a_list_of_inputs_is_an_argument_each() {
-    let work = Work::new(&format!(
+    let work = work(&format!(
         "{BODY}\n[nodes.all]\nkind = \"command\"\n\
          inputs = {{ meshes = [\"@body.mesh\", \"@body.mesh\"], one = [\"@body.mesh\"] }}\n\
          command = [\"echo\", \"{{in:meshes.off}}\", \"{{in:one.ply}}\"]\n\n\
@@ -133,7 +77,7 @@ fn archives_of_numpy_come_out() {
         \x20   faces=given['faces'].astype(np.int32))\n\
         np.savez(sys.argv[3], target_of_source=np.arange(int(sys.argv[4])), n_target=4)\n\
         np.savez(sys.argv[5], vertices=np.array([3, 1]), names=np.array(['a', 'b']))\n";
-    let work = Work::new(&format!(
+    let work = work(&format!(
         "{BODY}\n[nodes.tool]\nkind = \"command\"\ninputs = {{ mesh = \"@body.mesh\" }}\n\
          outputs = {{ mesh2 = \"mesh\", map = \"point_map\", marks = \"landmarks\" }}\n\
          files = {{ tool = \"tool.py\" }}\ncommand = [\"python3\", \"{{file:tool}}\", \
@@ -151,7 +95,7 @@ fn archives_of_numpy_come_out() {
 
 #[test]
 fn standard_streams_are_files_where_the_pipeline_says_so() {
-    let work = Work::new(&format!(
+    let work = work(&format!(
         "{BODY}\n[nodes.upper]\nkind = \"command\"\ninputs = {{ mesh = \"@body.mesh\" }}\n\
          outputs = {{ text = \"text\" }}\ncommand = [\"head\", \"-n\", \"2\"]\n\
          stdin = \"{{in:mesh.off}}\"\nstdout_to = \"{{out:text.txt}}\"\n\n\
@@ -164,7 +108,7 @@ fn standard_streams_are_files_where_the_pipeline_says_so() {
 
 #[test]
 fn no_shell_looks_at_the_arguments() {
-    let work = Work::new(
+    let work = work(
         "[nodes.echo]\nkind = \"command\"\ncommand = [\"echo\", \"$HOME; `ls` > x *\"]\n\n\
          [outputs]\n\"stdout.txt\" = \"@echo.stdout\"\n",
     );
@@ -174,7 +118,7 @@ fn no_shell_looks_at_the_arguments() {
 
 #[test]
 fn the_environment_is_what_is_declared() {
-    let work = Work::new(
+    let work = work(
         "[nodes.env]\nkind = \"command\"\ncommand = [\"env\"]\n\
          env = { MINE = \"declared\", OMP_NUM_THREADS = \"4\" }\n\n\
          [outputs]\n\"env.txt\" = \"@env.stdout\"\n",
@@ -192,7 +136,7 @@ fn the_environment_is_what_is_declared() {
 
 #[test]
 fn declared_files_count_by_content_and_are_copies() {
-    let work = Work::new(
+    let work = work(
         "[nodes.tool]\nkind = \"command\"\nfiles = { tool = \"tool.sh\", data = \"data.txt\" }\n\
          command = [\"{file:tool}\", \"{file:data}\"]\n\n\
          [outputs]\n\"stdout.txt\" = \"@tool.stdout\"\n",
@@ -213,7 +157,7 @@ fn declared_files_count_by_content_and_are_copies() {
 
 #[test]
 fn a_set_of_files_is_a_folder() {
-    let work = Work::new(
+    let work = work(
         "[nodes.make]\nkind = \"command\"\nshell = true\n\
          command = \"mkdir {out:made}/a; echo 1 > {out:made}/a/b.txt; echo 2 > {out:made}/c\"\n\
          outputs = { made = \"files\" }\n\n\
@@ -227,17 +171,17 @@ fn a_set_of_files_is_a_folder() {
 
 #[test]
 fn failures_say_how_and_show_the_end_of_what_was_printed() {
-    Work::new(&shell("echo first >&2; echo the reason >&2; exit 3; {out:res.txt}"))
+    work(&shell("echo first >&2; echo the reason >&2; exit 3; {out:res.txt}"))
         .fail(1, "`sh` ended with exit code 3; it printed:");
-    Work::new(&shell("echo the reason; exit 3; {out:res.txt}")).fail(1, "the reason");
-    Work::new(&shell("kill -SEGV $$; {out:res.txt}"))
+    work(&shell("echo the reason; exit 3; {out:res.txt}")).fail(1, "the reason");
+    work(&shell("kill -SEGV $$; {out:res.txt}"))
         .fail(1, "`sh` was killed by signal 11 (segmentation fault)");
     let missing = "output `res`: `out/res.txt` is not there; the program left `out/res.TXT`";
-    let text = Work::new(&shell("echo hint >&2; echo 1 > out/res.TXT; true {out:res.txt}"))
-        .fail(1, missing);
+    let text =
+        work(&shell("echo hint >&2; echo 1 > out/res.TXT; true {out:res.txt}")).fail(1, missing);
     assert!(text.contains("hint"), "{text}");
     let unknown = "[nodes.tool]\nkind = \"command\"\ncommand = [\"no-such-program\"]\n";
-    Work::new(unknown).fail(3, "there is no program `no-such-program` in `PATH`");
+    work(unknown).fail(3, "there is no program `no-such-program` in `PATH`");
 }
 
 #[test]
@@ -249,31 +193,31 @@ fn outputs_are_checked() {
         )
     };
     let check = |ty, extension, message: &str| {
-        Work::new(&garbage(ty, extension)).fail(1, message);
+        work(&garbage(ty, extension)).fail(1, message);
     };
     check("mesh", "ply", "output `res`: `out/res.ply` is no `mesh`: PLY file");
     check("mesh", "obj", "output `res`: `out/res.obj` is no `mesh`: OBJ file");
     let damaged = "output `res`: `out/res.safetensors` is no `basis`: the file is damaged";
     check("basis", "safetensors", damaged);
-    Work::new(&shell("printf '\\377' > {out:res.txt}"))
+    work(&shell("printf '\\377' > {out:res.txt}"))
         .fail(1, "output `res`: `out/res.txt` is no `text`: byte 0 is no UTF-8");
 }
 
 #[test]
 fn outputs_cannot_lie_elsewhere() {
     let link = "is or lies behind a symbolic link";
-    Work::new(&shell("ln -s /etc/hostname {out:res.txt}")).fail(1, link);
-    Work::new(&shell("rm -r out; ln -s /tmp out; echo > {out:res.txt}")).fail(1, link);
-    Work::new(&shell("mkdir {out:res.txt}")).fail(1, "is a folder, not a file");
-    Work::new(&shell("mkfifo {out:res.txt}")).fail(1, "is no ordinary file");
+    work(&shell("ln -s /etc/hostname {out:res.txt}")).fail(1, link);
+    work(&shell("rm -r out; ln -s /tmp out; echo > {out:res.txt}")).fail(1, link);
+    work(&shell("mkdir {out:res.txt}")).fail(1, "is a folder, not a file");
+    work(&shell("mkfifo {out:res.txt}")).fail(1, "is no ordinary file");
     let files = "[nodes.tool]\nkind = \"command\"\nshell = true\noutputs = { res = \"files\" }\n\
                  command = \"ln -s /etc/hostname {out:res}/x\"\n";
-    Work::new(files).fail(1, "`x` is a link or no ordinary file");
+    work(files).fail(1, "`x` is a link or no ordinary file");
 }
 
 #[test]
 fn a_flood_is_read_to_its_end_and_its_tail_is_kept() {
-    let work = Work::new(&shell(
+    let work = work(&shell(
         "yes 0123456789 | head -c 100000000; echo the end; echo quiet >&2; echo > {out:res.txt}",
     ));
     work.succeed();
@@ -298,7 +242,7 @@ fn assert_gone(pid: &str) {
 
 #[test]
 fn what_a_program_leaves_running_is_ended() {
-    let work = Work::new(&shell("sleep 1000 & echo $! > {out:res.txt}"));
+    let work = work(&shell("sleep 1000 & echo $! > {out:res.txt}"));
     let start = Instant::now();
     work.succeed();
     assert!(start.elapsed() < Duration::from_secs(100), "nobody waits for what is left");
@@ -313,7 +257,7 @@ fn a_time_limit_ends_a_program_with_all_that_it_has_started() {
                               sleep 1000; true {out:res.txt}",
         );
         let limited = format!("timeout = 2\n{isolate}outputs = {{ res");
-        let work = Work::new("");
+        let work = work("");
         let pids = work.path("pids.txt");
         let pipeline = pipeline.replace("PIDS", pids.to_str().unwrap());
         work.write("pipeline.toml", &pipeline.replace("outputs = { res", &limited));
@@ -329,7 +273,7 @@ fn a_time_limit_ends_a_program_with_all_that_it_has_started() {
 
 #[test]
 fn a_program_runs_in_a_process_of_its_own_as_well() {
-    let work = Work::new(&format!(
+    let work = work(&format!(
         "{BODY}\n[nodes.copy]\nkind = \"command\"\nisolate = true\n\
          inputs = {{ mesh = \"@body.mesh\", list = [\"@body.mesh\"] }}\noutputs = {{ copy = \"mesh\" }}\n\
          command = [\"cp\", \"-v\", \"{{in:list.ply}}\", \"{{out:copy.ply}}\"]\nstdin = \"{{in:mesh.ply}}\"\n\n\
@@ -341,7 +285,7 @@ fn a_program_runs_in_a_process_of_its_own_as_well() {
 
 #[test]
 fn tables_come_out_as_text() {
-    let work = Work::new(
+    let work = work(
         "[nodes.tool]\nkind = \"command\"\nshell = true\noutputs = { res = \"table\" }\n\
          command = \"printf 'name,error [mm]\\\\na,1.5\\\\n' > {out:res.csv}\"\n\n\
          [outputs]\n\"res.json\" = \"@tool\"\n\"res.csv\" = \"@tool\"\n",
@@ -388,7 +332,7 @@ fn mistakes_are_found_before_anything_runs() {
 
 #[test]
 fn the_version_of_a_program_counts() {
-    let work = Work::new(
+    let work = work(
         "[nodes.tool]\nkind = \"command\"\ncommand = [\"true\"]\nversion = [\"cat\", \"VERSION\"]\n",
     );
     let tool = work.path("VERSION").display().to_string();
@@ -416,7 +360,7 @@ fn ports_and_names_are_no_content_but_whether_a_list_is() {
              inputs = {{ x = {wires} }}\n"
         )
     };
-    let work = Work::new(&pipeline("a", "\"@body.mesh\""));
+    let work = work(&pipeline("a", "\"@body.mesh\""));
     work.succeed();
     let n_ran = |text: &str| {
         work.write("pipeline.toml", text);

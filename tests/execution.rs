@@ -705,7 +705,7 @@ proptest! {
                 } else {
                     prop_assert!(matches!(outcome, Outcome::Failed { .. }), "{:?}", outcome);
                 }
-                if can_run && !was_done[index] || left[index] <= node.retries && can_run {
+                if can_run && (!was_done[index] || left[index] <= node.retries) {
                     left[index] -= n_tries;
                 }
                 is_done.push(was_done[index]);

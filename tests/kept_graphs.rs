@@ -1,5 +1,7 @@
 //! Graphs that are kept: they are what reading gives, or are not believed.
 
+mod folder;
+
 use std::{
     collections::BTreeMap,
     fmt::Write,
@@ -23,6 +25,8 @@ use sinew::engine::{
     },
     toy::TOY,
 };
+
+use folder::Folder;
 
 /// Nearly all that a pipeline can say: axes of every kind, inner pipelines, profiles, settings, files
 /// and those that they refer to, what is missing.
@@ -112,27 +116,7 @@ kind = "number"
     ("texts/b.part", "included\n"),
 ];
 
-struct Folder(tempfile::TempDir);
-
 impl Folder {
-    fn new() -> Self {
-        let res = Self(tempfile::tempdir().unwrap());
-        for (name, text) in FILES {
-            res.write(name, text);
-        }
-        res
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn write(&self, name: &str, text: &str) {
-        let path = self.path(name);
-        fs::create_dir_all(path.parent().unwrap()).unwrap();
-        fs::write(path, text).unwrap();
-    }
-
     fn store(&self) -> Store {
         Store::open(&self.path("cache"), Access::ReadWrite).unwrap()
     }
@@ -203,7 +187,7 @@ fn settings() -> [Settings; 4] {
 
 #[test]
 fn a_kept_graph_is_what_reading_gives() {
-    let folder = Folder::new();
+    let folder = Folder::new(&FILES);
     for settings in settings() {
         assert!(folder.find(&settings).is_none());
         let graph = folder.keep(&settings);
@@ -215,7 +199,7 @@ fn a_kept_graph_is_what_reading_gives() {
 
 #[test]
 fn graphs_of_large_pipelines_are_kept_by_themselves() {
-    let folder = Folder::new();
+    let folder = Folder::new(&FILES);
     let path = folder.path("pipeline.toml");
     let load = || snapshot::load(&path, &TOY, &Settings::default(), &folder.store()).unwrap();
     let small = show(&load());
@@ -245,7 +229,7 @@ fn graphs_of_large_pipelines_are_kept_by_themselves() {
 
 /// Changes something; the kept graph must not be believed, and again when it is changed back.
 fn check_change(what: &str, change: impl Fn(&Folder)) {
-    let folder = Folder::new();
+    let folder = Folder::new(&FILES);
     let settings = Settings::default();
     folder.keep(&settings);
     change(&folder);
@@ -275,7 +259,7 @@ fn whatever_changes_is_noticed() {
 
 #[test]
 fn what_nodes_read_may_change_without_that() {
-    let folder = Folder::new();
+    let folder = Folder::new(&FILES);
     let settings = Settings::default();
     let graph = folder.keep(&settings);
     folder.write("texts/b.txt", "another text");
@@ -293,7 +277,7 @@ fn another_question_gets_no_old_answer() {
         types: TOY.types,
         common_formats: &[],
     };
-    let folder = Folder::new();
+    let folder = Folder::new(&FILES);
     folder.keep(&Settings::default());
     for other in &settings()[1..] {
         assert!(folder.find(other).is_none(), "{other:?}");
@@ -312,7 +296,7 @@ fn another_question_gets_no_old_answer() {
 
 #[test]
 fn a_damaged_graph_is_not_believed() {
-    let folder = Folder::new();
+    let folder = Folder::new(&FILES);
     let settings = Settings::default();
     folder.keep(&settings);
     let kept = folder.kept();
@@ -345,7 +329,7 @@ impl Faults for FailAt {
 
 #[test]
 fn a_disk_that_fails_costs_the_graph_only() {
-    let folder = Folder::new();
+    let folder = Folder::new(&FILES);
     let settings = Settings::default();
     let (path, graph) = (folder.path("pipeline.toml"), folder.load(&Settings::default()));
     drop(folder.store());

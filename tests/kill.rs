@@ -94,7 +94,7 @@ fn killed_at_any_moment_the_next_run_goes_on() {
     let mut random = Random::new(1);
     let (mut killed, mut finished, mut started) = (0, 0, 0);
     while killed < n_kills {
-        let n_runs = if random.next_u64() % 4 == 0 { 2 } else { 1 };
+        let n_runs = if random.next_u64().is_multiple_of(4) { 2 } else { 1 };
         let mut runs: Vec<Child> = (0..n_runs).map(|_| start(folder.path())).collect();
         started += n_runs;
         for run in &mut runs {

@@ -1,13 +1,11 @@
 //! Functions of Python scripts as nodes.
 
-use std::{
-    fs,
-    path::PathBuf,
-    process::{Command, Output},
-    sync::LazyLock,
-};
+mod folder;
+mod work;
 
-use tempfile::TempDir;
+use std::{fs, path::PathBuf, process::Command, sync::LazyLock};
+
+use work::{BODY, Work};
 
 /// Whether this machine has what these tests need; says so if not.
 fn has_numpy() -> bool {
@@ -21,12 +19,12 @@ fn has_numpy() -> bool {
     *HAS
 }
 
-/// A folder with a pipeline and a script in it.
-struct Work {
-    folder: TempDir,
+/// A pipeline with a script beside it.
+fn work(pipeline: &str, script: &str) -> Work {
+    let res = Work::new(pipeline, &["-j", "1"]);
+    res.write("script.py", script);
+    res
 }
-
-const BODY: &str = "[nodes.body]\nkind = \"load\"\npath = \"tetrahedron.off\"\n\n";
 
 /// A node that calls `f` of the script, with these further lines.
 fn node(name: &str, rest: &str) -> String {
@@ -35,68 +33,10 @@ fn node(name: &str, rest: &str) -> String {
     )
 }
 
-impl Work {
-    fn new(pipeline: &str, script: &str) -> Self {
-        let res = Self { folder: tempfile::tempdir().unwrap() };
-        let tetrahedron =
-            "OFF\n4 4 6\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
-        res.write("tetrahedron.off", tetrahedron);
-        res.write("pipeline.toml", pipeline);
-        res.write("script.py", script);
-        res
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn write(&self, name: &str, text: &str) {
-        let path = self.path(name);
-        fs::create_dir_all(path.parent().unwrap()).unwrap();
-        fs::write(path, text).unwrap();
-    }
-
-    fn read(&self, name: &str) -> String {
-        fs::read_to_string(self.path(name)).unwrap()
-    }
-
-    fn sinew(&self, arguments: &[&str]) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_sinew"))
-            .args(arguments)
-            .current_dir(self.folder.path())
-            .env("SINEW_CACHE", "cache")
-            .env("SECRET", "of the user")
-            .output()
-            .unwrap()
-    }
-
-    /// Runs the pipeline; everything that is printed.
-    fn run(&self) -> (Option<i32>, String) {
-        let output = self.sinew(&["run", "pipeline.toml", "-j", "1"]);
-        let text = [output.stdout, output.stderr].concat();
-        (output.status.code(), String::from_utf8(text).unwrap())
-    }
-
-    #[track_caller]
-    fn succeed(&self) -> String {
-        let (code, text) = self.run();
-        assert_eq!(code, Some(0), "{text}");
-        text
-    }
-
-    #[track_caller]
-    fn fail(&self, code: i32, message: &str) -> String {
-        let (found, text) = self.run();
-        assert!(text.contains(message), "`{message}` is not in:\n{text}");
-        assert_eq!(found, Some(code), "{text}");
-        text
-    }
-
-    /// What a run would do, a line a node.
-    fn plan(&self) -> String {
-        let output = self.sinew(&["plan", "pipeline.toml"]);
-        String::from_utf8([output.stdout, output.stderr].concat()).unwrap()
-    }
+/// What a run would do, a line a node.
+fn plan(work: &Work) -> String {
+    let output = work.sinew(&["plan", "pipeline.toml"]);
+    String::from_utf8([output.stdout, output.stderr].concat()).unwrap()
 }
 
 #[test]
@@ -152,7 +92,7 @@ def f(mesh, map, marks, table, functions, report, documents):
              table = \"table\", functions = \"descriptors\", report = \"text\", files = \"files\" }"
         )
     );
-    let work = Work::new(&pipeline, script);
+    let work = work(&pipeline, script);
     work.write("check.py", check);
     work.succeed();
     assert_eq!(work.read("rows.csv"), "x,y\n1,p\n2.5,q\n");
@@ -177,7 +117,7 @@ def g(all):
     rows = zip(all.labels, all, all.missing)
     return "".join(f"{labels['case']} {item} {why is not None}\n" for labels, item, why in rows)
 "#;
-    let work = Work::new(
+    let work = work(
         &format!(
             "[axes]\ncase = {{ values = [\"a\", \"b\", \"c\"] }}\n\n{}[nodes.all]\nkind = \"python\"\n\
              script = \"script.py\"\nfunction = \"g\"\nover = \"case\"\nmissing = \"show\"\n\
@@ -201,7 +141,7 @@ fn mistakes_of_a_function_fail_its_node_only() {
             format!("import os, sys\ndef f(**arguments):\n    {body}\ndef g():\n    pass\n");
         let fine = "[nodes.fine]\nkind = \"python\"\nscript = \"script.py\"\nfunction = \"g\"\n";
         let pipeline = format!("{}{fine}", node("bad", outputs));
-        let work = Work::new(&pipeline, &script);
+        let work = work(&pipeline, &script);
         let text = work.fail(1, message);
         assert!(text.contains("1 failed of 2 nodes"), "the other one runs: {text}");
         text
@@ -262,7 +202,7 @@ def f(case):
     let outputs = "[outputs]\n\"1.txt\" = \"@one.res\"\n\"2.txt\" = \"@two.res\"\n\
                    \"1.out\" = \"@one.stdout\"\n\"1.err\" = \"@one.stderr\"\n\"2.out\" = \"@two.stdout\"\n";
     let outputs = outputs.replace(".out\"", "-out.txt\"").replace(".err\"", "-err.txt\"");
-    let work = Work::new(&format!("{}{}{outputs}", two("one", 1), two("two", 2)), script);
+    let work = work(&format!("{}{}{outputs}", two("one", 1), two("two", 2)), script);
     work.succeed();
     assert_eq!((work.read("1.txt"), work.read("2.txt")), ("case 1\n".into(), "case 2\n".into()));
     for case in [1, 2] {
@@ -308,7 +248,7 @@ def f(data, **rest):
     };
     let outputs = "[outputs]\n\"1.txt\" = \"@one\"\n\"2.txt\" = \"@two\"\n";
     let pipeline = format!("{}{}{outputs}", node("one", &rest(1)), node("two", &rest(2)));
-    let work = Work::new(&pipeline, script);
+    let work = work(&pipeline, script);
     work.write("lib/helper.py", "VALUE = 'first'\n");
     work.write("undeclared.py", "");
     work.write("data.txt", "data\n");
@@ -320,7 +260,7 @@ def f(data, **rest):
         "the second call finds nothing of the first"
     );
     work.write("lib/helper.py", "VALUE = 'second'\n");
-    assert!(work.plan().contains("file `files.helper` changed"), "{}", work.plan());
+    assert!(plan(&work).contains("file `files.helper` changed"), "{}", plan(&work));
     work.succeed();
     assert!(work.read("1.txt").starts_with("second data"));
     work.write("data.txt", "other\n");
@@ -351,7 +291,7 @@ def f(n):
         pipeline += &node(&format!("n{n}"), &rest);
         outputs += &format!("\"{n}.txt\" = \"@n{n}\"\n");
     }
-    let work = Work::new(&(pipeline + &outputs), script);
+    let work = work(&(pipeline + &outputs), script);
     work.fail(1, "ValueError: three");
     let read = |n: u32| work.read(&format!("{n}.txt"));
     let pid = |n: u32| read(n).split(' ').nth(1).unwrap().to_owned();
@@ -378,7 +318,7 @@ fn a_time_limit_ends_the_interpreter_and_the_next_call_has_a_new_one() {
                   def f(path, slow):\n    if slow:\n        child = subprocess.Popen(['sleep', '1000'])\n\
                   \x20       open(path, 'w').write(f'{child.pid} {os.getpid()}')\n        time.sleep(1000)\n\
                   \x20   return 'fast'\n";
-    let work = Work::new("", script);
+    let work = work("", script);
     let pids = work.path("pids.txt").display().to_string();
     let rest = |slow: bool| {
         let limit = if slow { "timeout = 4\n" } else { "" };
@@ -411,7 +351,7 @@ fn a_call_runs_in_a_process_of_its_own_as_well() {
     let rest = "isolate = true\noutputs = { res = \"text\" }\n\
                 inputs = { mesh = \"@body.mesh\", all = [\"@body.mesh\"] }";
     let outputs = "[outputs]\n\"res.txt\" = \"@x\"\n";
-    let work = Work::new(&format!("{BODY}{}{outputs}", node("x", rest)), script);
+    let work = work(&format!("{BODY}{}{outputs}", node("x", rest)), script);
     work.succeed();
     assert_eq!(work.read("res.txt"), "1 3.0");
 }
@@ -422,7 +362,7 @@ fn what_counts_is_the_script_and_the_versions_of_packages() {
         return;
     }
     let script = "import peer\ndef f():\n    return peer.__name__ + '\\n'\n";
-    let work = Work::new("", script);
+    let work = work("", script);
     let pipeline = |name: &str| {
         let lib = work.path("lib");
         let rest = format!(
@@ -444,13 +384,13 @@ fn what_counts_is_the_script_and_the_versions_of_packages() {
     work.write("pipeline.toml", &pipeline("renamed"));
     assert!(work.succeed().contains("up to date"));
     work.write("lib/peer-1.0.dist-info/METADATA", &metadata("1.1"));
-    assert!(work.plan().contains("`peer`: 1.0 -> 1.1"), "{}", work.plan());
+    assert!(plan(&work).contains("`peer`: 1.0 -> 1.1"), "{}", plan(&work));
     assert!(work.succeed().contains("1 cached, 1 to do"));
     work.write("lib/loose.py", "x = 2\n");
-    assert!(work.plan().contains("`loose`: files "), "{}", work.plan());
+    assert!(plan(&work).contains("`loose`: files "), "{}", plan(&work));
     assert!(work.succeed().contains("1 cached, 1 to do"));
     work.write("script.py", &format!("{script}# a remark\n"));
-    assert!(work.plan().contains("file `script` changed"), "{}", work.plan());
+    assert!(plan(&work).contains("file `script` changed"), "{}", plan(&work));
     assert!(work.succeed().contains("1 cached, 1 to do"));
 
     fs::remove_dir_all(work.path("lib/peer-1.0.dist-info")).unwrap();
@@ -466,7 +406,7 @@ fn an_interpreter_is_a_place_and_not_part_of_the_key() {
     let script = "def f():\n    return ''\n";
     let rest = "python = \"${python}\"\noutputs = { res = \"text\" }";
     let pipeline = format!("[params]\npython = \"python3\"\n\n{}", node("x", rest));
-    let work = Work::new(&pipeline, script);
+    let work = work(&pipeline, script);
     work.succeed();
     let found = Command::new("python3").args(["-c", "import sys; print(sys.executable)"]).output();
     let found = String::from_utf8(found.unwrap().stdout).unwrap();
@@ -487,7 +427,7 @@ fn an_interpreter_is_a_place_and_not_part_of_the_key() {
 #[test]
 fn mistakes_in_the_pipeline_are_found_before_anything_runs() {
     let check = |rest: &str, message: &str| {
-        let work = Work::new(&format!("{BODY}{}", node("x", rest)), "");
+        let work = work(&format!("{BODY}{}", node("x", rest)), "");
         let output = work.sinew(&["check", "pipeline.toml"]);
         let text = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
         assert!(text.contains(message), "`{message}` is not in:\n{text}");

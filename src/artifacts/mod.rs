@@ -29,7 +29,7 @@ mod text;
 mod weights;
 
 use crate::engine::{
-    artifact::{AnyArtifact, ArtifactKind, Bytes, Decoder, Dtype, Format},
+    artifact::{ArtifactKind, Bytes, Decoder, Dtype, EncodedArtifact, Format},
     library::CommonFormat,
 };
 use crate::kernels::{
@@ -85,7 +85,7 @@ pub fn import(
     kind: &ArtifactKind,
     extension: &str,
     bytes: Bytes,
-) -> Result<(AnyArtifact, Bytes), String> {
+) -> Result<EncodedArtifact, String> {
     match extension {
         "npz" => kind.import("safetensors", npz::tensors_of_npz(&bytes)?.into()),
         _ => kind.import(extension, bytes),

@@ -133,15 +133,18 @@ struct Content {
 
 type Value = Arc<dyn Any + Send + Sync>;
 
+/// An artifact and its bytes.
+pub type EncodedArtifact = (AnyArtifact, Bytes);
+
 impl AnyArtifact {
     /// Encodes a value: the artifact and the bytes to store.
-    pub fn encode<T: Artifact>(value: T) -> (Self, Bytes) {
+    pub fn encode<T: Artifact>(value: T) -> EncodedArtifact {
         let bytes = encoder(&value).finish().into();
         Self::with_bytes(value, bytes)
     }
 
     /// The artifact of a value whose stored form is known.
-    fn with_bytes<T: Artifact>(value: T, bytes: Bytes) -> (Self, Bytes) {
+    fn with_bytes<T: Artifact>(value: T, bytes: Bytes) -> EncodedArtifact {
         let kind = const { &ArtifactKind::of::<T>() };
         let digest = digest_of(T::TYPE, &bytes);
         (Self::of_value(kind, digest, Arc::new(value)), bytes)
@@ -235,7 +238,7 @@ pub struct ArtifactKind {
     decode: fn(&[u8]) -> Result<Value, DecodeError>,
     summary: fn(&dyn Any) -> Vec<(String, String)>,
     export: fn(&dyn Any, &str) -> Result<Vec<u8>, String>,
-    import: fn(&str, Bytes) -> Result<(AnyArtifact, Bytes), String>,
+    import: fn(&str, Bytes) -> Result<EncodedArtifact, String>,
 }
 
 impl ArtifactKind {
@@ -296,7 +299,7 @@ impl ArtifactKind {
     ///
     /// # Errors
     /// If the file does not hold an artifact of this type.
-    pub fn import(&self, extension: &str, bytes: Bytes) -> Result<(AnyArtifact, Bytes), String> {
+    pub fn import(&self, extension: &str, bytes: Bytes) -> Result<EncodedArtifact, String> {
         (self.import)(extension, bytes)
     }
 }

@@ -53,11 +53,6 @@ impl CancelToken {
         };
         woken == Err(RecvTimeoutError::Disconnected) || self.is_late()
     }
-
-    /// Closed when the run is given up, to wait for it and for something else at once.
-    pub fn given_up(&self) -> &Receiver<Infallible> {
-        &self.given_up
-    }
 }
 
 /// Gives up all nodes that have a token of it.

@@ -1,12 +1,6 @@
 //! The instance graph: a pipeline after expansion and checking, ready to be planned.
 
-use std::{
-    borrow::Cow,
-    collections::BTreeMap,
-    ops::Range,
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+use std::{borrow::Cow, collections::BTreeMap, ops::Range, path::PathBuf, sync::Arc};
 
 use petgraph::graph::{DiGraph, NodeIndex};
 
@@ -206,10 +200,5 @@ impl Instance {
     /// Where a parameter or a wire is written.
     pub fn field_place(&self, name: &str) -> Option<&Place> {
         self.field_places.iter().find(|it| *it.0 == *name).map(|it| &it.1)
-    }
-
-    /// The real path of a declared file.
-    pub fn real_path(&self, path: &Path) -> Option<&Path> {
-        self.files.get(path).map(PathBuf::as_path)
     }
 }

@@ -11,7 +11,7 @@ use serde_json::Value;
 use super::{digest::Digest, facts::Facts, node::Spec};
 
 /// Raise it when the meaning of any field of [`Key`] changes.
-pub const KEY_FORMAT: u32 = 1;
+const KEY_FORMAT: u32 = 1;
 
 /// Everything that a result depends on, and nothing else: a key's text as it is read.
 #[derive(Debug, Clone, PartialEq, Deserialize)]

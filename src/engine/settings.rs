@@ -145,7 +145,7 @@ pub fn show_limit(limit: Duration) -> String {
 /// A memory limit, in the units in which it is written.
 pub fn show_memory(bytes: u64) -> String {
     let units = [("TB", 40), ("GB", 30), ("MB", 20), ("kB", 10)];
-    let whole = units.iter().find(|it| bytes > 0 && bytes % (1 << it.1) == 0);
+    let whole = units.iter().find(|it| bytes > 0 && bytes.is_multiple_of(1 << it.1));
     whole.map_or_else(|| show_bytes(bytes), |(unit, bits)| format!("{} {unit}", bytes >> bits))
 }
 

@@ -71,40 +71,6 @@ impl Artifact for Number {
     }
 }
 
-/// Writes down which numbers it gathers, and which are missing.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct GatherNode {}
-
-impl GatherNode {
-    const NUMBERS: LabelledInputs<Number> = LabelledInputs::new("numbers", "what is gathered");
-    const TEXT: Output<Text> = Output::new("text", "`axis=item: number`, one a line");
-}
-
-impl Node for GatherNode {
-    const SPEC: Spec = Spec {
-        kind: "gather",
-        version: 1,
-        inputs: &[Self::NUMBERS.port()],
-        outputs: &[Self::TEXT.port()],
-        cites: &[],
-        example: "[axes.n]\nvalues = [1, 2]\n\n[nodes.one]\nkind = \"number\"\nvalue = \"${n}\"\n\n\
-                  [nodes.all]\nkind = \"gather\"\nnumbers = \"@one\"\nover = \"n\"\n",
-    };
-
-    fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
-        let mut text = String::new();
-        for Labelled { labels, value } in io.get_labelled(Self::NUMBERS) {
-            let labels: Vec<String> =
-                labels.iter().map(|(a, item)| format!("{a}={item}")).collect();
-            let value = value.map_or_else(|why| format!("missing, {why}"), |it| it.0.to_string());
-            text += &format!("{}: {value}\n", labels.join(" "));
-        }
-        io.put(Self::TEXT, Text(text));
-        Ok(())
-    }
-}
-
 /// A text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Text(pub String);
@@ -294,6 +260,40 @@ impl Node for FailNode {
         } else {
             NodeError::Failed(message)
         })
+    }
+}
+
+/// Writes down which numbers it gathers, and which are missing.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct GatherNode {}
+
+impl GatherNode {
+    const NUMBERS: LabelledInputs<Number> = LabelledInputs::new("numbers", "what is gathered");
+    const TEXT: Output<Text> = Output::new("text", "`axis=item: number`, one a line");
+}
+
+impl Node for GatherNode {
+    const SPEC: Spec = Spec {
+        kind: "gather",
+        version: 1,
+        inputs: &[Self::NUMBERS.port()],
+        outputs: &[Self::TEXT.port()],
+        cites: &[],
+        example: "[axes.n]\nvalues = [1, 2]\n\n[nodes.one]\nkind = \"number\"\nvalue = \"${n}\"\n\n\
+                  [nodes.all]\nkind = \"gather\"\nnumbers = \"@one\"\nover = \"n\"\n",
+    };
+
+    fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
+        let mut text = String::new();
+        for Labelled { labels, value } in io.get_labelled(Self::NUMBERS) {
+            let labels: Vec<String> =
+                labels.iter().map(|(a, item)| format!("{a}={item}")).collect();
+            let value = value.map_or_else(|why| format!("missing, {why}"), |it| it.0.to_string());
+            text += &format!("{}: {value}\n", labels.join(" "));
+        }
+        io.put(Self::TEXT, Text(text));
+        Ok(())
     }
 }
 

@@ -132,7 +132,7 @@ impl Change {
         Self { difference, place, from }
     }
 
-    pub fn is_input(&self) -> bool {
+    fn is_input(&self) -> bool {
         self.difference.what.starts_with("inputs.")
     }
 }

@@ -9,6 +9,7 @@ use crate::kernels::{
     },
     spectral::{
         basis::Basis,
+        descriptors::{DescriptorOptions, Descriptors, descriptors},
         laplacian::{MassLumping, cotangent_laplacian},
     },
 };
@@ -55,6 +56,12 @@ fn gcd(a: usize, b: usize) -> usize {
 /// Landmarks named `l0`, `l1`, ….
 pub fn landmarks(vertices: &[u32]) -> Vec<(String, u32)> {
     vertices.iter().enumerate().map(|(index, &vertex)| (format!("l{index}"), vertex)).collect()
+}
+
+/// The usual descriptors, with landmarks at some vertices.
+pub fn described(basis: &Basis, vertices: &[u32]) -> Descriptors {
+    descriptors(basis, &landmarks(vertices), &DescriptorOptions::default())
+        .expect("landmarks are vertices")
 }
 
 /// The `k` smallest eigenpairs of a small mesh, by a dense solver.

@@ -173,7 +173,7 @@ fn joints_table(skeleton: &Skeleton, res: &Embedding) -> Table {
     };
     columns.push(Column::numbers("penalty", "", values(&|it| it.iter().sum())));
     for (index, name) in TERM_NAMES.iter().enumerate() {
-        columns.push(Column::numbers(*name, "", values(&|it| it[index])));
+        columns.push(Column::numbers(name, "", values(&|it| it[index])));
     }
     Table::new(columns)
 }

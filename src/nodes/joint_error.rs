@@ -13,19 +13,13 @@ use crate::kernels::table::{Column, Table};
 ///
 /// Joints are matched by name; distances are Euclidean, in mesh units and in percent of the mesh's
 /// height.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointError {
     /// What counts as the height.
     pub height: HeightAxis,
     /// The unit that tables show, such as `m`.
     pub unit: String,
-}
-
-impl Default for JointError {
-    fn default() -> Self {
-        Self { height: HeightAxis::default(), unit: String::new() }
-    }
 }
 
 impl JointError {

@@ -136,8 +136,8 @@ picks = [{ name = "head_top", joint = "head" }]
         };
         if let Some(mesh) = io.get_optional(Self::MESH) {
             let n_vertices = mesh.n_vertices();
-            let pairs = landmarks.names.iter().zip(&landmarks.vertices);
-            for (name, vertex) in pairs.filter(|it| *it.1 as usize >= n_vertices) {
+            let mut pairs = landmarks.names.iter().zip(&landmarks.vertices);
+            if let Some((name, vertex)) = pairs.find(|it| *it.1 as usize >= n_vertices) {
                 return Err(NodeError::failed(format!(
                     "landmark `{name}` is vertex {vertex}, but the mesh has {n_vertices} vertices"
                 )));

@@ -113,7 +113,7 @@ mesh = "@body.mesh"
             Plan::Quadruped => BodyPlan::Quadruped,
         };
         let options = FindOptions { plan, front: self.front.map(Front::direction) };
-        let found = find_landmarks(&*io.get(Self::MESH), options)?;
+        let found = find_landmarks(&io.get(Self::MESH), options)?;
         io.put(Self::EVIDENCE, table(&found.findings));
         io.put(Self::LANDMARKS, found.landmarks);
         Ok(())

@@ -60,6 +60,9 @@ pub struct LoadDepth {
     pub depth_unit_mm: Option<f64>,
 }
 
+/// Names and bytes.
+type Pictures = Vec<(String, Vec<u8>)>;
+
 impl LoadDepth {
     const FILES: OptionalInput<FileSet> =
         OptionalInput::new("files", "downloaded pictures, instead of `path`");
@@ -89,8 +92,8 @@ impl LoadDepth {
         pictures.skip(self.first).take(self.count.unwrap_or(usize::MAX)).collect()
     }
 
-    /// Names and bytes of the pictures, and the notes.
-    fn read(&self, io: &NodeIo<'_>) -> Result<(Vec<(String, Vec<u8>)>, CameraNotes), NodeError> {
+    /// The pictures and the notes.
+    fn read(&self, io: &NodeIo<'_>) -> Result<(Pictures, CameraNotes), NodeError> {
         match (&self.path, io.get_optional(Self::FILES)) {
             (Some(InputFile(path)), None) => {
                 let notes = CameraNotes::from_json(&io.read(path)?)

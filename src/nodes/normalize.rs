@@ -47,7 +47,7 @@ unit = "height"
     };
 
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
-        let (mesh, similarity) = normalize(&*io.get(Self::MESH), self.unit)?;
+        let (mesh, similarity) = normalize(&io.get(Self::MESH), self.unit)?;
         let moved = |skeleton: &Skeleton| {
             let positions = skeleton.positions().iter().map(|it| similarity.apply(it));
             skeleton.with_positions(positions.collect())

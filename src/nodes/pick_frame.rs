@@ -8,19 +8,13 @@ use crate::kernels::geometry::mesh::{TriMesh, Vec3};
 use crate::kernels::geometry::mesh_sequence::MeshSequence;
 
 /// Takes one frame of a mesh sequence.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PickFrame {
     /// Which frame; negative numbers count from the end.
     pub frame: i64,
     /// Whether camera space (y down, z forward) is turned upright, to +y up and +z towards the camera.
     pub upright: bool,
-}
-
-impl Default for PickFrame {
-    fn default() -> Self {
-        Self { frame: 0, upright: false }
-    }
 }
 
 impl PickFrame {

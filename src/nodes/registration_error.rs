@@ -14,18 +14,12 @@ use crate::kernels::table::{Column, Table};
 /// Point-to-plane distance to the measured surface, mean squared difference of inverse depths over the
 /// pixels where either has one, intersection over union of silhouettes; with a `truth`, distances of
 /// vertices to their true places.
-#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RegistrationError {
     /// The frame in which tracked vertices are tied to a truth of other vertices, where they are
     /// nearest to it.
     pub source_frame: usize,
-}
-
-impl Default for RegistrationError {
-    fn default() -> Self {
-        Self { source_frame: 0 }
-    }
 }
 
 impl RegistrationError {

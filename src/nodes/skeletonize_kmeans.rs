@@ -13,7 +13,7 @@ use crate::kernels::geometry::mesh_sequence::MeshSequence;
 use crate::kernels::rigs::clip::Clip;
 use crate::kernels::rigs::skeleton::Skeleton;
 use crate::kernels::rigs::weights::SkinWeights;
-use crate::kernels::table::{Column, Table};
+use crate::kernels::table::Table;
 
 /// Finds keypoints in a moving surface by k-means and joins them to a tree.
 ///
@@ -95,13 +95,7 @@ n_keypoints = 16
         if found.skeleton.n_joints() < self.n_keypoints {
             io.note(format!("only {} vertices have paths of their own", found.skeleton.n_joints()));
         }
-        io.put(
-            Self::SUMMARY,
-            Table::new(vec![
-                Column::numbers("joints", "", vec![found.skeleton.n_joints() as f64]),
-                Column::numbers("error", "", vec![found.error]),
-            ]),
-        );
+        io.put(Self::SUMMARY, found.summary());
         io.put(Self::SKELETON, found.skeleton);
         io.put(Self::CLIP, found.clip);
         io.put(Self::WEIGHTS, found.weights);

@@ -11,7 +11,7 @@ use crate::kernels::geometry::mesh_sequence::MeshSequence;
 use crate::kernels::rigs::clip::Clip;
 use crate::kernels::rigs::skeleton::Skeleton;
 use crate::kernels::rigs::weights::SkinWeights;
-use crate::kernels::table::{Column, Table};
+use crate::kernels::table::Table;
 
 /// Finds a skeleton in a moving surface by joining the bones of a skinning decomposition.
 ///
@@ -112,13 +112,7 @@ iterations = 2
             refits: self.refits,
         };
         let found = skeletonize_le(&Moving::new(&sequence, rest.as_deref())?, &options)?;
-        io.put(
-            Self::SUMMARY,
-            Table::new(vec![
-                Column::numbers("joints", "", vec![found.skeleton.n_joints() as f64]),
-                Column::numbers("error", "", vec![found.error]),
-            ]),
-        );
+        io.put(Self::SUMMARY, found.summary());
         io.put(Self::SKELETON, found.skeleton);
         io.put(Self::CLIP, found.clip);
         io.put(Self::WEIGHTS, found.weights);

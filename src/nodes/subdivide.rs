@@ -62,7 +62,7 @@ scheme = "midpoint"
     };
 
     fn run(&self, io: &mut NodeIo<'_>) -> Result<(), NodeError> {
-        let fine = subdivide(&*io.get(Self::MESH), self.scheme, self.levels)?;
+        let fine = subdivide(&io.get(Self::MESH), self.scheme, self.levels)?;
         let weights = io.get_optional(Self::WEIGHTS).map(|it| fine.weights(&it)).transpose()?;
         let landmarks =
             io.get_optional(Self::LANDMARKS).map(|it| fine.landmarks(&it)).transpose()?;

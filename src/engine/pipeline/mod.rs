@@ -37,7 +37,7 @@ use std::path::{Path, PathBuf};
 
 pub use axes::listing;
 pub use diagnostic::{Diagnostic, Diagnostics, Severity};
-pub use nearest::{nearest, suggest};
+pub use nearest::suggest;
 pub use open_ports::with_ports;
 
 use self::{expand::Expansion, parse::Document, sources::Sources};

@@ -40,12 +40,24 @@ pub const FIXED: [(&str, &str); 8] = [
 ];
 
 /// Where a program may be: a path as it is, a name in each folder of `PATH`.
-pub fn candidates(name: &str, environment: &BTreeMap<String, OsString>) -> Vec<PathBuf> {
+fn candidates(name: &str, environment: &BTreeMap<String, OsString>) -> Vec<PathBuf> {
     if name.contains('/') {
         return vec![name.into()];
     }
     let path = environment.get("PATH").cloned().unwrap_or_default();
     std::env::split_paths(&path).filter(|it| it.is_absolute()).map(|it| it.join(name)).collect()
+}
+
+/// The program that was found for a name, behind the places where another would have come before it.
+pub fn candidates_up_to(
+    found: &Path,
+    name: &str,
+    environment: &BTreeMap<String, OsString>,
+) -> Vec<PathBuf> {
+    let mut candidates = candidates(name, environment);
+    let n_before = candidates.iter().position(|it| it == found).unwrap_or_default();
+    candidates.truncate(n_before + 1);
+    candidates
 }
 
 /// Where a program is: the first candidate that can be started.

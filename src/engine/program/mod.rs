@@ -23,7 +23,7 @@ use std::{
 
 pub use self::{
     end::End,
-    environment::{FIXED, candidates, environment, find, is_binary},
+    environment::{FIXED, candidates_up_to, environment, find, is_binary},
     lines::Lines,
     process::{Input, Process, Stream},
     tail::Tail,

@@ -5,19 +5,10 @@ use std::collections::BinaryHeap;
 
 use super::curve_skeleton::{CurveSkeleton, NO_NODE};
 use crate::kernels::geometry::distance_field::DistanceField;
-use crate::kernels::geometry::medial_balls::{Ball, MedialOptions, medial_balls, pack};
+use crate::kernels::geometry::medial_balls::{BODY_SIZE, Ball, MedialOptions, medial_balls, pack};
 use crate::kernels::geometry::medial_graph::MedialGraph;
 use crate::kernels::geometry::mesh::{TriMesh, Vec3};
-use crate::kernels::geometry::shapes::signed_volume;
-
-/// The largest side of a body's box while balls are looked for.
-const SIZE: f64 = 0.9;
-
-/// Where bodies are 0.9 large.
-const LEAST_RADIUS: f64 = 0.006;
-
-/// The distance of starting points on the surface, where bodies are 0.9 large.
-const SPACING: f64 = 0.006;
+use crate::kernels::geometry::shapes::outward;
 
 const MAX_BALLS: usize = 1000;
 
@@ -51,14 +42,14 @@ pub fn medial_skeleton(mesh: &TriMesh, options: &MedialSkeletonOptions) -> Curve
         let unknown = vec![NO_NODE; mesh.n_vertices()];
         CurveSkeleton::new(vec![], vec![], vec![], unknown).expect("there is no node to be wrong")
     };
-    let scale = SIZE / size;
+    let scale = BODY_SIZE / size;
     if mesh.n_faces() == 0 || !(size > 0.0 && scale.is_finite()) {
         return nothing();
     }
-    let inside = outward(mesh, low, scale);
+    let scaled = mesh.vertices().iter().map(|it| (it - low) * scale).collect();
+    let inside = outward(mesh.with_vertices(scaled).expect("finite vertices stay finite"));
     let field = DistanceField::new(&inside);
-    let greatest_cosine = options.angle_deg.to_radians().cos();
-    let medial = MedialOptions { spacing: SPACING, least_radius: LEAST_RADIUS, greatest_cosine };
+    let medial = MedialOptions::for_body(options.angle_deg);
     let balls = pack(&medial_balls(&field, &inside, &medial), MAX_BALLS);
     if balls.is_empty() {
         return nothing();
@@ -100,17 +91,6 @@ fn smooth(balls: &mut [Ball], edges: &[[u32; 2]], field: &DistanceField) {
             }
         }
     }
-}
-
-/// The mesh with its box at zero, scaled, and with its faces outward.
-fn outward(mesh: &TriMesh, low: Vec3, scale: f64) -> TriMesh {
-    let vertices: Vec<Vec3> = mesh.vertices().iter().map(|it| (it - low) * scale).collect();
-    let scaled = mesh.with_vertices(vertices).expect("finite vertices stay finite");
-    if signed_volume(&scaled) >= 0.0 {
-        return scaled;
-    }
-    let turned = mesh.faces().iter().map(|&[a, b, c]| [a, c, b]).collect();
-    TriMesh::new(scaled.vertices().to_vec(), turned).expect("the faces are those of the mesh")
 }
 
 /// The balls that curves lead over, in the order in which they were found, and the edges between them.
@@ -249,9 +229,7 @@ mod tests {
     #[test]
     fn rings_are_open_and_faces_may_look_inward() {
         let ring = torus(1.0, 0.3, 90, 40);
-        let turned = ring.faces().iter().map(|&[a, b, c]| [a, c, b]).collect();
-        let turned = TriMesh::new(ring.vertices().to_vec(), turned).unwrap();
-        for mesh in [ring, turned] {
+        for mesh in [ring.inverted(), ring] {
             let curves = skeleton(&mesh);
             assert_eq!((curves.n_components(), curves.junctions().len()), (1, 0));
             assert_eq!(curves.leaves().len(), 2);

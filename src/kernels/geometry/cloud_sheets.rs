@@ -45,11 +45,6 @@ impl CloudSheets {
         &self.normals
     }
 
-    /// How far points are from each other around every point.
-    pub fn spacings(&self) -> &[f64] {
-        &self.spacings
-    }
-
     /// Whether two points can lie on one sheet: neither is farther from the other's plane than the
     /// turn of the normals on the way, and some noise, explain.
     pub fn are_one(&self, points: &[Vec3], a: u32, b: u32) -> bool {

@@ -295,12 +295,14 @@ impl CornerTable {
     }
 }
 
-fn next(edge: u32) -> u32 {
+/// The half-edge that follows around its face; those of face `f` are `3 f`, `3 f + 1`, `3 f + 2`.
+pub fn next(edge: u32) -> u32 {
     if edge % 3 == 2 { edge - 2 } else { edge + 1 }
 }
 
-fn previous(edge: u32) -> u32 {
-    if edge % 3 == 0 { edge + 2 } else { edge - 1 }
+/// The half-edge before it around its face.
+pub fn previous(edge: u32) -> u32 {
+    if edge.is_multiple_of(3) { edge + 2 } else { edge - 1 }
 }
 
 #[cfg(test)]

@@ -101,17 +101,8 @@ impl Geodesics {
         front.distances
     }
 
-    /// The distance of every vertex from a place within a face, given by barycentric coordinates.
-    ///
-    /// # Panics
-    /// If there is no such face.
-    pub fn distances_from_place(&self, face: usize, barycentric: [f64; 3]) -> Vec<f64> {
-        let mut front = self.front();
-        self.march(&mut front, self.around(face, barycentric), None);
-        front.distances
-    }
-
-    /// The distance between a place within a face and a vertex; infinite if they do not hang together.
+    /// The distance between a place within a face, given by barycentric coordinates, and a vertex;
+    /// infinite if they do not hang together.
     ///
     /// Takes as long as there are vertices nearer to the place.
     ///
@@ -322,7 +313,9 @@ mod tests {
         let (face, barycentric) = (210, [0.2, 0.5, 0.3]);
         let corners = mesh.corners(face);
         let place: Vec3 = (0..3).map(|it| corners[it] * barycentric[it]).sum();
-        let found = geodesics.distances_from_place(face, barycentric);
+        let mut everywhere = geodesics.front();
+        geodesics.march(&mut everywhere, geodesics.around(face, barycentric), None);
+        let found = everywhere.distances;
         assert!(largest_error(&found, |it| (mesh.vertices()[it] - place).norm()) < 1e-7);
         let mut front = geodesics.front();
         for vertex in [0, 150, 290, 0] {

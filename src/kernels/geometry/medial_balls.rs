@@ -23,6 +23,18 @@ pub struct MedialOptions {
     pub greatest_cosine: f64,
 }
 
+/// The largest side of a body's box where its balls are looked for with [`MedialOptions::for_body`].
+pub const BODY_SIZE: f64 = 0.9;
+
+impl MedialOptions {
+    /// What is wanted of a body that is [`BODY_SIZE`] large: balls that touch it at places at least an
+    /// angle apart.
+    pub fn for_body(least_angle_deg: f64) -> Self {
+        let greatest_cosine = least_angle_deg.to_radians().cos();
+        Self { spacing: 0.006, least_radius: 0.006, greatest_cosine }
+    }
+}
+
 /// Starting points are spread more widely than wanted if they would be more than this.
 const MAX_STARTS: f64 = 200_000.0;
 

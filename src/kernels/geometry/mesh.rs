@@ -106,6 +106,12 @@ impl TriMesh {
         Self::new(vertices, self.faces.clone())
     }
 
+    /// The same surface inside out: every face is turned.
+    pub fn inverted(&self) -> Self {
+        let turned = self.faces.iter().map(|&[a, b, c]| [a, c, b]);
+        Self { vertices: self.vertices.clone(), faces: turned.collect() }
+    }
+
     /// The three corners of a face.
     pub fn corners(&self, face: usize) -> [Vec3; 3] {
         self.faces[face].map(|vertex| self.vertices[vertex as usize])

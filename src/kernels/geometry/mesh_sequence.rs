@@ -47,7 +47,7 @@ impl MeshSequence {
         if n_positions == 0 {
             return Err(SequenceError::NoFrames);
         }
-        if n_vertices == 0 || n_positions % n_vertices != 0 {
+        if n_vertices == 0 || !n_positions.is_multiple_of(n_vertices) {
             return Err(SequenceError::Count { n_positions, n_vertices });
         }
         let res = Self { frames_per_second, n_vertices, faces, positions };

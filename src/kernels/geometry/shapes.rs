@@ -16,7 +16,7 @@ pub fn geodesic_sphere(frequency: usize) -> TriMesh {
     assert!(frequency > 0, "edges are cut into one part at least");
     let mut odd = frequency;
     let mut parts = vec![];
-    while odd % 2 == 0 {
+    while odd.is_multiple_of(2) {
         parts.push(2);
         odd /= 2;
     }
@@ -146,6 +146,11 @@ pub fn signed_volume(mesh: &TriMesh) -> f64 {
             a.dot(&b.cross(&c)) / 6.0
         })
         .sum()
+}
+
+/// A closed mesh with its faces outward.
+pub fn outward(mesh: TriMesh) -> TriMesh {
+    if signed_volume(&mesh) < 0.0 { mesh.inverted() } else { mesh }
 }
 
 fn icosahedron() -> (Vec<Vec3>, Vec<[u32; 3]>) {

@@ -63,10 +63,6 @@ impl TriangleTree {
         Self { triangles, faces, nodes }
     }
 
-    pub fn n_faces(&self) -> usize {
-        self.faces.len()
-    }
-
     /// Finds the point of the surface that is nearest to a place.
     pub fn nearest(&self, place: Vec3) -> Nearest {
         self.nearest_within(place, f64::INFINITY).expect("there is a triangle")

@@ -124,7 +124,7 @@ impl Out {
         target: Option<u32>,
         bounds: bool,
     ) -> usize {
-        while self.bytes.len() % 4 != 0 {
+        while !self.bytes.len().is_multiple_of(4) {
             self.bytes.push(0);
         }
         let mut view =
@@ -164,14 +164,14 @@ impl Out {
     }
 
     fn finish(mut self, mut document: Value) -> Vec<u8> {
-        while self.bytes.len() % 4 != 0 {
+        while !self.bytes.len().is_multiple_of(4) {
             self.bytes.push(0);
         }
         document["accessors"] = json!(self.accessors);
         document["bufferViews"] = json!(self.views);
         document["buffers"] = json!([{ "byteLength": self.bytes.len() }]);
         let mut text = document.to_string().into_bytes();
-        while text.len() % 4 != 0 {
+        while !text.len().is_multiple_of(4) {
             text.push(b' ');
         }
         let length = 12 + 8 + text.len() + 8 + self.bytes.len();
@@ -192,7 +192,7 @@ impl Out {
 fn attributes(out: &mut Out, scene: &GlbScene<'_>) -> (Value, (usize, f64)) {
     let mesh = scene.mesh;
     let target = Some(ARRAY_BUFFER);
-    let positions: Vec<f32> = mesh.vertices().iter().flat_map(|it| single(it)).collect();
+    let positions: Vec<f32> = mesh.vertices().iter().flat_map(single).collect();
     // A vertex without faces needs a normal all the same.
     let up = |it: Vec3| if it == Vec3::zeros() { Vec3::y() } else { it };
     let normals: Vec<f32> =

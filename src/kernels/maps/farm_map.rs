@@ -234,14 +234,7 @@ impl Points {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernels::{
-        spectral::descriptors::{DescriptorOptions, descriptors},
-        test_shapes::{LANDMARKS, basis_of, creature, landmarks, permuted},
-    };
-
-    fn described(basis: &Basis, vertices: &[u32]) -> Descriptors {
-        descriptors(basis, &landmarks(vertices), &DescriptorOptions::default()).unwrap()
-    }
+    use crate::kernels::test_shapes::{LANDMARKS, basis_of, creature, described, permuted};
 
     fn options() -> FarmOptions {
         FarmOptions { k_source: 20, k_target: 14, boosts: vec![60, 90], ..Default::default() }

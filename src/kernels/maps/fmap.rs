@@ -395,14 +395,7 @@ fn normalized(gaps: Mat<f64>) -> Mat<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernels::{
-        spectral::descriptors::{DescriptorOptions, descriptors},
-        test_shapes::{LANDMARKS, basis_of, creature, landmarks, permuted},
-    };
-
-    fn described(basis: &Basis, vertices: &[u32]) -> Descriptors {
-        descriptors(basis, &landmarks(vertices), &DescriptorOptions::default()).unwrap()
-    }
+    use crate::kernels::test_shapes::{LANDMARKS, basis_of, creature, described, permuted};
 
     /// Test 12 of the specification: the minimum has no gradient, and Adam ends above it.
     #[test]

@@ -1,6 +1,6 @@
 //! Maps between two shapes: of functions, and of points.
 
-use faer::{Mat, MatRef};
+use faer::Mat;
 
 use crate::kernels::spectral::basis::Basis;
 use crate::kernels::spectral::function_space::FunctionSpace;
@@ -72,14 +72,6 @@ impl FunctionalMap {
     /// A map whose bases are not known, so that only sizes can be checked.
     pub fn without_spaces(source_from_target: Mat<f64>) -> Self {
         Self { source_from_target, spaces: None }
-    }
-
-    /// Coefficients on the source, of functions given by coefficients on the target: `C a`.
-    ///
-    /// # Panics
-    /// If there are not as many coefficients as the map has columns.
-    pub fn pull_back(&self, on_target: MatRef<'_, f64>) -> Mat<f64> {
-        &self.source_from_target * on_target
     }
 
     /// Refuses bases that are not the map's own.

@@ -1,5 +1,8 @@
 //! Rigged meshes in motion.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use crate::kernels::{
     geometry::{
         mesh::{TriMesh, Vec3},
@@ -15,17 +18,7 @@ use crate::kernels::{
 };
 
 /// How the motions of joints are blended.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    serde::Serialize,
-    serde::Deserialize,
-    schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Blending {
     /// Linearly, as game engines do.

@@ -117,29 +117,6 @@ pub fn retarget_bones(
     Ok(Retargeted { clip: res, without_source, scale })
 }
 
-/// Writes places of joints as a clip without rotations: every frame's offsets are the differences of
-/// the places (`T x Q`).
-///
-/// # Panics
-/// If a frame has not as many places as the skeleton has joints.
-pub fn clip_of_positions(
-    skeleton: &Skeleton,
-    name: &str,
-    frames_per_second: f64,
-    frames: &[Vec<Vec3>],
-) -> Clip {
-    let n_joints = skeleton.n_joints();
-    let mut translations = Vec::with_capacity(frames.len() * n_joints);
-    for places in frames {
-        assert_eq!(places.len(), n_joints, "one place for every joint");
-        let offsets = places.iter().zip(skeleton.parents());
-        translations
-            .extend(offsets.map(|(at, parent)| at - parent.map_or(Vec3::zeros(), |it| places[it])));
-    }
-    let rotations = vec![UnitQuaternion::identity(); translations.len()];
-    Clip { name: name.to_owned(), frames_per_second, n_joints, rotations, translations }
-}
-
 fn check_finite(source: &Skeleton, motion: &[Vec<Vec3>]) -> Result<(), RetargetError> {
     for (frame, places) in motion.iter().enumerate() {
         for (name, place) in source.names().iter().zip(places) {
@@ -275,6 +252,30 @@ mod tests {
     use crate::kernels::numerics::random::Random;
     use crate::kernels::rigs::skinning::world_from_joint;
     use crate::kernels::synthetic::synthesize::{Body, SynthesizeOptions, synthesize};
+
+    /// Writes places of joints as a clip without rotations: every frame's offsets are the differences of
+    /// the places (`T x Q`).
+    ///
+    /// # Panics
+    /// If a frame has not as many places as the skeleton has joints.
+    fn clip_of_positions(
+        skeleton: &Skeleton,
+        name: &str,
+        frames_per_second: f64,
+        frames: &[Vec<Vec3>],
+    ) -> Clip {
+        let n_joints = skeleton.n_joints();
+        let mut translations = Vec::with_capacity(frames.len() * n_joints);
+        for places in frames {
+            assert_eq!(places.len(), n_joints, "one place for every joint");
+            let offsets = places.iter().zip(skeleton.parents());
+            translations.extend(
+                offsets.map(|(at, parent)| at - parent.map_or(Vec3::zeros(), |it| places[it])),
+            );
+        }
+        let rotations = vec![UnitQuaternion::identity(); translations.len()];
+        Clip { name: name.to_owned(), frames_per_second, n_joints, rotations, translations }
+    }
 
     fn places(clip: &Clip, skeleton: &Skeleton, frame: usize) -> Vec<Vec3> {
         let transforms = world_from_joint(skeleton, clip, frame).unwrap();

@@ -1,6 +1,7 @@
 //! Numbers without geometry: matrices, solvers, random numbers.
 
 pub mod adam;
+pub mod block_pattern;
 pub mod cholesky;
 pub mod random;
 pub mod sparse;

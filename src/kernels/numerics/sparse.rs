@@ -11,6 +11,21 @@ pub struct CsrMatrix {
     pub values: Vec<f64>,
 }
 
+/// Where the entries of every row begin if they lie row by row: `n_rows + 1` offsets.
+///
+/// # Panics
+/// If there is no such row.
+pub fn row_offsets(n_rows: usize, rows: impl IntoIterator<Item = u32>) -> Vec<usize> {
+    let mut offsets = vec![0; n_rows + 1];
+    for row in rows {
+        offsets[row as usize + 1] += 1;
+    }
+    for row in 0..n_rows {
+        offsets[row + 1] += offsets[row];
+    }
+    offsets
+}
+
 impl CsrMatrix {
     /// Adds up (row, column, value) triplets given in any order.
     ///
@@ -20,16 +35,12 @@ impl CsrMatrix {
     /// # Panics
     /// If an index is out of range.
     pub fn from_triplets(n_rows: usize, n_cols: usize, triplets: &[(u32, u32, f64)]) -> Self {
-        let mut counts = vec![0usize; n_rows + 1];
         for &(row, col, _) in triplets {
             assert!((row as usize) < n_rows && (col as usize) < n_cols, "triplet out of range");
-            counts[row as usize + 1] += 1;
         }
-        for row in 0..n_rows {
-            counts[row + 1] += counts[row];
-        }
+        let begins = row_offsets(n_rows, triplets.iter().map(|it| it.0));
         let mut by_row = vec![(0u32, 0.0f64); triplets.len()];
-        let mut next = counts.clone();
+        let mut next = begins.clone();
         for &(row, col, value) in triplets {
             by_row[next[row as usize]] = (col, value);
             next[row as usize] += 1;
@@ -43,7 +54,7 @@ impl CsrMatrix {
         };
         res.offsets.push(0);
         for row in 0..n_rows {
-            let entries = &mut by_row[counts[row]..counts[row + 1]];
+            let entries = &mut by_row[begins[row]..begins[row + 1]];
             entries.sort_by_key(|it| it.0);
             let first = res.columns.len();
             for &(col, value) in entries.iter() {

@@ -3,6 +3,9 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use super::resampled::Resampled;
 use crate::kernels::geometry::mesh::{MeshError, TriMesh, Vec3};
 use crate::kernels::geometry::point_tree::PointTree;
@@ -10,17 +13,7 @@ use crate::kernels::numerics::random::Random;
 use crate::kernels::numerics::sparse::CsrMatrix;
 
 /// How points lie on the surface.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    serde::Serialize,
-    serde::Deserialize,
-    schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Spread {
     /// As far from each other as they can be: of five times as many random points, those that are

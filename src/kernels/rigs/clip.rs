@@ -23,7 +23,7 @@ pub struct Clip {
 
 impl Clip {
     pub fn n_frames(&self) -> usize {
-        if self.n_joints == 0 { 0 } else { self.rotations.len() / self.n_joints }
+        self.rotations.len().checked_div(self.n_joints).unwrap_or(0)
     }
 
     /// The same motion of joints whose rest pose is turned, in a world that is turned with it.

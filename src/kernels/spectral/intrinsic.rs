@@ -1,6 +1,7 @@
 //! Triangulations that know lengths instead of positions.
 
 use super::edge_weights::EdgeWeights;
+use crate::kernels::geometry::corner_table::{next, previous};
 use crate::kernels::numerics::sparse::CsrMatrix;
 
 /// A closed, oriented triangulation with a length for every edge.
@@ -196,14 +197,6 @@ fn area(lengths: [f64; 3]) -> f64 {
     }
     let product = (a + (b + c)) * (c - (a - b)) * (c + (a - b)) * (a + (b - c));
     product.max(1e-30 * (a * a) * (a * a)).sqrt() / 4.0
-}
-
-fn next(edge: u32) -> u32 {
-    if edge % 3 == 2 { edge - 2 } else { edge + 1 }
-}
-
-fn previous(edge: u32) -> u32 {
-    if edge % 3 == 0 { edge + 2 } else { edge - 1 }
 }
 
 #[cfg(test)]

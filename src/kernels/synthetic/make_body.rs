@@ -21,7 +21,7 @@ use crate::kernels::{
 };
 
 /// Where the files lie in the set that [`make_body`] takes.
-pub const BASE: &str = "3dobjs/base.obj";
+const BASE: &str = "3dobjs/base.obj";
 pub const RIG: &str = "rig.cmu_mb.json";
 pub const WEIGHTS: &str = "weights.cmu_mb.json";
 const TARGETS: &str = "targets/macrodetails";

@@ -33,7 +33,7 @@ impl RegressorEnergy {
     /// The energy of a row, and its gradient added to `gradient`.
     ///
     /// `w_rec |X^T r - j|^2 + w_con (1^T r - 1)^2 + lambda |r outside|^2`
-    pub fn evaluate(
+    fn evaluate(
         &self,
         vertices: &[Vec3],
         joint: Vec3,

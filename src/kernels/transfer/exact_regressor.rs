@@ -1,13 +1,11 @@
 //! Joint regressors of a rigged mesh, in closed form.
 
-use nalgebra::{Matrix4, Vector4};
-
 use super::{
     regressor::Regressor,
     regressor_masks::{Mask, RiggedMesh, Row, RowReport},
 };
 use crate::kernels::{
-    geometry::mesh::{TriMesh, Vec3},
+    geometry::mesh::TriMesh,
     rigs::{skeleton::Skeleton, weights::SkinWeights},
 };
 
@@ -63,7 +61,7 @@ pub fn best_row(rig: &RiggedMesh<'_>, joint: usize, max_amplification: f64) -> R
 }
 
 /// The row of least norm on a mask; where the mask is flat, for the foot of the joint in its plane.
-pub fn affine_row(rig: &RiggedMesh<'_>, joint: usize, mask: Mask) -> Row {
+fn affine_row(rig: &RiggedMesh<'_>, joint: usize, mask: Mask) -> Row {
     let (mean, covariance) = rig.moments(&mask.vertices);
     let inverse = covariance.pseudo_inverse(rig.flatness()).expect("the tolerance is not negative");
     let slope = inverse * (rig.skeleton.positions()[joint] - mean);
@@ -73,56 +71,12 @@ pub fn affine_row(rig: &RiggedMesh<'_>, joint: usize, mask: Mask) -> Row {
     Row::new(mask, values)
 }
 
-/// Weights of the energy whose minimum [`ridge_row`] is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RowEnergy {
-    /// `w_rec`, of the reconstructed joint.
-    pub reconstruction: f64,
-    /// `w_con`, of the row's sum.
-    pub sum: f64,
-    /// `lambda`, of entries outside of the mask.
-    pub outside: f64,
-    /// The ridge on all entries.
-    pub ridge: f64,
-}
-
-/// Minimizes `w_rec |X^T r - j|^2 + w_con (1^T r - 1)^2 + lambda |r outside|^2 + eps |r|^2`.
-///
-/// By the push-through identity the `V x V` system becomes `4 x 4`. The paper's own energy is the
-/// limit of no ridge, whose minimum of least norm [`exact_regressor`] returns.
-///
-/// # Panics
-/// If the ridge is not positive.
-pub fn ridge_row(
-    vertices: &[Vec3],
-    joint: Vec3,
-    in_mask: impl Fn(usize) -> bool,
-    energy: &RowEnergy,
-) -> Vec<f64> {
-    assert!(energy.ridge > 0.0, "a positive ridge");
-    let inverse = |it: usize| 1.0 / (energy.ridge + if in_mask(it) { 0.0 } else { energy.outside });
-    let lift = |it: &Vec3| Vector4::new(it.x, it.y, it.z, 1.0);
-    let reconstruction = 1.0 / energy.reconstruction;
-    let mut system = Matrix4::from_diagonal(&Vector4::new(
-        reconstruction,
-        reconstruction,
-        reconstruction,
-        1.0 / energy.sum,
-    ));
-    for (vertex, position) in vertices.iter().enumerate() {
-        system += lift(position) * lift(position).transpose() * inverse(vertex);
-    }
-    let right = lift(&joint);
-    let solution =
-        system.cholesky().expect("a sum of squares and a positive diagonal").solve(&right);
-    let entry =
-        |(vertex, position): (usize, &Vec3)| lift(position).dot(&solution) * inverse(vertex);
-    vertices.iter().enumerate().map(entry).collect()
-}
-
 #[cfg(test)]
 mod tests {
+    use nalgebra::{Matrix4, Vector4};
+
     use super::*;
+    use crate::kernels::geometry::mesh::Vec3;
     use crate::kernels::geometry::shapes::bumpy_sphere;
 
     /// Two joints on the axis of a bumpy body; weights blend along it.
@@ -156,6 +110,54 @@ mod tests {
         }
         // The root's parent is the root.
         assert!(regressor.matrix.row(0).all(|(vertex, _)| weights.get(vertex, 0) > 0.0));
+    }
+
+    /// Weights of the energy whose minimum [`ridge_row`] is.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    struct RowEnergy {
+        /// `w_rec`, of the reconstructed joint.
+        reconstruction: f64,
+        /// `w_con`, of the row's sum.
+        sum: f64,
+        /// `lambda`, of entries outside of the mask.
+        outside: f64,
+        /// The ridge on all entries.
+        ridge: f64,
+    }
+
+    /// Minimizes `w_rec |X^T r - j|^2 + w_con (1^T r - 1)^2 + lambda |r outside|^2 + eps |r|^2`.
+    ///
+    /// By the push-through identity the `V x V` system becomes `4 x 4`. The paper's own energy is the
+    /// limit of no ridge, whose minimum of least norm [`exact_regressor`] returns.
+    ///
+    /// # Panics
+    /// If the ridge is not positive.
+    fn ridge_row(
+        vertices: &[Vec3],
+        joint: Vec3,
+        in_mask: impl Fn(usize) -> bool,
+        energy: &RowEnergy,
+    ) -> Vec<f64> {
+        assert!(energy.ridge > 0.0, "a positive ridge");
+        let inverse =
+            |it: usize| 1.0 / (energy.ridge + if in_mask(it) { 0.0 } else { energy.outside });
+        let lift = |it: &Vec3| Vector4::new(it.x, it.y, it.z, 1.0);
+        let reconstruction = 1.0 / energy.reconstruction;
+        let mut system = Matrix4::from_diagonal(&Vector4::new(
+            reconstruction,
+            reconstruction,
+            reconstruction,
+            1.0 / energy.sum,
+        ));
+        for (vertex, position) in vertices.iter().enumerate() {
+            system += lift(position) * lift(position).transpose() * inverse(vertex);
+        }
+        let right = lift(&joint);
+        let solution =
+            system.cholesky().expect("a sum of squares and a positive diagonal").solve(&right);
+        let entry =
+            |(vertex, position): (usize, &Vec3)| lift(position).dot(&solution) * inverse(vertex);
+        vertices.iter().enumerate().map(entry).collect()
     }
 
     #[test]

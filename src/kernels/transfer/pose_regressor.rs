@@ -257,7 +257,7 @@ mod tests {
         let truth = world_positions(&clip, 0, body.skeleton.parents());
         let error = |(joint, truth): (usize, &Vec3)| {
             let row = regressor.matrix.row(joint);
-            let estimate: Vec3 = row.map(|(vertex, value)| posed[vertex as usize] * value).sum();
+            let estimate: Vec3 = row.map(|(vertex, value)| posed[vertex] * value).sum();
             (estimate - truth).norm()
         };
         truth.iter().enumerate().map(error).fold(0.0, f64::max) / scale

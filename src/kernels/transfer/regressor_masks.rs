@@ -1,6 +1,8 @@
 //! The vertices that joints are regressed from.
 
 use nalgebra::Matrix3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::regressor::Regressor;
 use crate::kernels::{
@@ -30,17 +32,7 @@ impl Default for RegressorOptions {
 }
 
 /// What stands for the parent of a root.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    serde::Serialize,
-    serde::Deserialize,
-    schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RootRule {
     /// The root itself: all vertices that it moves, as in the paper's demo.

@@ -52,7 +52,5 @@ fn witnesses(
     if !is_flag || !program::is_binary(path) {
         return None;
     }
-    let candidates = program::candidates(&arguments[0], environment);
-    let n_before = candidates.iter().position(|it| it == path).unwrap_or_default();
-    Some(candidates.into_iter().take(n_before + 1).collect())
+    Some(program::candidates_up_to(path, &arguments[0], environment))
 }

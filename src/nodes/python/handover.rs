@@ -14,7 +14,7 @@ use memmap2::MmapOptions;
 use serde_json::{Map, Value as Json, json};
 
 use crate::artifacts;
-use crate::engine::artifact::{AnyArtifact, Bytes};
+use crate::engine::artifact::{AnyArtifact, Bytes, EncodedArtifact};
 use crate::engine::node::{Labels, NodeError, NodeIo, Port};
 
 /// The inputs of a call. The files stay open as long as it lives.
@@ -96,7 +96,7 @@ impl Taken {
     ///
     /// # Errors
     /// If it is no artifact of the port's type.
-    pub fn read(self) -> Result<Vec<(&'static str, (AnyArtifact, Bytes))>, NodeError> {
+    pub fn read(self) -> Result<Vec<(&'static str, EncodedArtifact)>, NodeError> {
         let read = |(port, file): (&Port, File)| {
             let bytes = content(file).map_err(no_memory)?;
             let kind = artifacts::kind(port.ty.name).expect("checked types are registered");

@@ -67,9 +67,8 @@ fn ask(
     }
     // A script may start any interpreter (pyenv's do), and nothing tells which one next time.
     let witnesses = program::is_binary(&path).then(|| {
-        let candidates = program::candidates(interpreter, environment);
-        let n_before = candidates.iter().position(|it| *it == path).unwrap_or_default();
-        candidates.into_iter().take(n_before + 1).chain(witnesses).collect()
+        let own = program::candidates_up_to(&path, interpreter, environment);
+        own.into_iter().chain(witnesses).collect()
     });
     Ok(Answer { facts, witnesses })
 }

@@ -19,7 +19,7 @@ use crate::engine::pipeline::{
 };
 
 /// The keys that say where items come from; an axis has one of them.
-pub const SOURCES: [&str; 7] = ["values", "range", "files", "table", "zip", "pairs", "copy_of"];
+const SOURCES: [&str; 7] = ["values", "range", "files", "table", "zip", "pairs", "copy_of"];
 
 /// All keys of an axis.
 pub const KEYS: [&str; 10] =

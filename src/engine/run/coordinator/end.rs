@@ -29,7 +29,7 @@ impl<'a> Coordinator<'a> {
     }
 
     /// An instance will not read its inputs (again): the last reader's leaving drops them.
-    pub(super) fn release_inputs(&mut self, index: NodeIndex) {
+    fn release_inputs(&mut self, index: NodeIndex) {
         if std::mem::replace(&mut self.slots[index].reads, false) {
             for producer in self.slots.producers(index) {
                 self.leave(producer);
@@ -76,7 +76,7 @@ impl<'a> Coordinator<'a> {
     }
 
     /// Who cannot go on when an instance fails.
-    pub(super) fn dependents(&mut self, index: NodeIndex) -> Vec<NodeIndex> {
+    fn dependents(&mut self, index: NodeIndex) -> Vec<NodeIndex> {
         for rule in std::mem::take(&mut self.slots[index].waiting_exports) {
             self.end_export(rule, ExportOutcome::Skipped);
         }

@@ -13,7 +13,7 @@ impl<'a> Coordinator<'a> {
         self.bytes_in_use() + self.bytes_needed(index) <= self.context.options.memory
     }
 
-    pub(super) fn bytes_in_use(&self) -> u64 {
+    fn bytes_in_use(&self) -> u64 {
         self.live_bytes + self.reserved_bytes + self.pending_bytes
     }
 

@@ -71,7 +71,7 @@ impl<'a> Coordinator<'a> {
     }
 
     /// How long an instance took when it ran last; a millisecond if it never did.
-    pub(super) fn usual_micros(&self, index: NodeIndex) -> u64 {
+    fn usual_micros(&self, index: NodeIndex) -> u64 {
         let id = self.context.graph.instances[index].id();
         let entry = self.memory.last_key(&id).and_then(|it| self.memory.entry(&it));
         entry.map_or(1000, |it| (it.wall_secs * 1e6) as u64)

@@ -71,7 +71,7 @@ impl<'a> Coordinator<'a> {
     }
 
     /// Puts instances that other processes compute back into the queue, to be claimed again.
-    pub(super) fn poll_claims(&mut self) {
+    fn poll_claims(&mut self) {
         for index in std::mem::take(&mut self.claimed) {
             self.queue(index);
         }
@@ -110,7 +110,7 @@ impl<'a> Coordinator<'a> {
         }
     }
 
-    pub(super) fn job_ended(&mut self, threads: usize) {
+    fn job_ended(&mut self, threads: usize) {
         self.free_threads += threads;
         if let Some(queues) = &mut self.queues {
             queues.n_jobs -= 1;
@@ -118,7 +118,7 @@ impl<'a> Coordinator<'a> {
     }
 
     /// Keeps what a job has read for others that will need it.
-    pub(super) fn keep_loaded(&mut self, loaded: Loaded) {
+    fn keep_loaded(&mut self, loaded: Loaded) {
         for (from, artifact) in loaded {
             let slot = &mut self.slots[from.instance];
             let info = slot.outputs.as_ref().and_then(|it| it.artifacts.get(from.port));
@@ -131,7 +131,7 @@ impl<'a> Coordinator<'a> {
         self.relieve_memory();
     }
 
-    pub(super) fn node_ended(&mut self, index: NodeIndex, result: JobResult) {
+    fn node_ended(&mut self, index: NodeIndex, result: JobResult) {
         self.slots[index].work = Work::Idle;
         match result {
             JobResult::Ran { outputs, wall } => self.ran(index, outputs, wall),
@@ -179,7 +179,7 @@ impl<'a> Coordinator<'a> {
         self.relieve_memory();
     }
 
-    pub(super) fn keep_live(
+    fn keep_live(
         &mut self,
         index: NodeIndex,
         outputs: &Outputs,
@@ -193,7 +193,7 @@ impl<'a> Coordinator<'a> {
 
     /// Hands a result to the writer; with a store that is only read, or without the text of its key, it
     /// stays in memory.
-    pub(super) fn store_result(
+    fn store_result(
         &mut self,
         index: NodeIndex,
         outputs: &Outputs,

@@ -51,7 +51,7 @@ impl<'a> Coordinator<'a> {
     }
 
     /// The text of the key of an instance whose producers are known.
-    pub(super) fn key_text(&self, index: NodeIndex) -> Result<String, KeyError> {
+    fn key_text(&self, index: NodeIndex) -> Result<String, KeyError> {
         let instance = &self.context.graph.instances[index];
         let producer = |it: NodeIndex| match &self.slots[it].failed {
             Some(why) if instance.shows_missing => Producer::Failed(why),
@@ -64,7 +64,7 @@ impl<'a> Coordinator<'a> {
         self.memory.outputs(key, &self.context.graph.instances[index])
     }
 
-    pub(super) fn cannot_start(&mut self, index: NodeIndex, error: &KeyError) {
+    fn cannot_start(&mut self, index: NodeIndex, error: &KeyError) {
         let message = error.message(self.context.graph);
         let failure = match error {
             KeyError::Absent { .. } => Failure::Node(message),

@@ -77,7 +77,7 @@ impl<'a> Coordinator<'a> {
     }
 
     /// The next job to run a node, if one is ready, fits into memory, and can be claimed.
-    pub(super) fn next_run(&mut self) -> Option<Job> {
+    fn next_run(&mut self) -> Option<Job> {
         while let Some(index) = self.ready.peek() {
             // One job at least goes on, whatever it needs, when there is nothing to wait for.
             if (self.running > 0 || self.pending_bytes > 0) && !self.fits(index) {
@@ -125,7 +125,7 @@ impl<'a> Coordinator<'a> {
     }
 
     /// Takes over a result that another process has stored meanwhile.
-    pub(super) fn made_by_others(&mut self, index: NodeIndex, key: &Digest) -> bool {
+    fn made_by_others(&mut self, index: NodeIndex, key: &Digest) -> bool {
         if let Err(error) = self.context.store.refresh() {
             tracing::warn!(%error, "cannot see what other processes store");
             return false;
@@ -146,7 +146,7 @@ impl<'a> Coordinator<'a> {
         true
     }
 
-    pub(super) fn run_job(&mut self, index: NodeIndex) -> Job {
+    fn run_job(&mut self, index: NodeIndex) -> Job {
         let instance = &self.context.graph.instances[index];
         let inputs = instance
             .inputs
@@ -179,7 +179,7 @@ impl<'a> Coordinator<'a> {
         Job::Run(RunJob { instance: index, inputs, threads, pool, cancel })
     }
 
-    pub(super) fn take_pool(&mut self, threads: usize) -> Arc<ThreadPool> {
+    fn take_pool(&mut self, threads: usize) -> Arc<ThreadPool> {
         let free = self.pools.entry(threads).or_default();
         match free.iter().position(|it| Arc::strong_count(it) == 1) {
             Some(index) => Arc::clone(&free[index]),

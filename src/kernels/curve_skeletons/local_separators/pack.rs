@@ -1,6 +1,7 @@
 //! Choosing separators that do not get in each other's way.
 
 use super::shrink::Separator;
+use crate::kernels::numerics::sparse::row_offsets;
 
 /// Chooses separators greedily by weight, so that no more of them go through a point than its
 /// capacity allows.
@@ -54,13 +55,8 @@ struct Through {
 
 impl Through {
     fn of(separators: &[Separator], n_points: usize) -> Self {
-        let mut offsets = vec![0; n_points + 1];
-        for &point in separators.iter().flat_map(|it| &it.points) {
-            offsets[point as usize + 1] += 1;
-        }
-        for point in 0..n_points {
-            offsets[point + 1] += offsets[point];
-        }
+        let points = separators.iter().flat_map(|it| &it.points);
+        let offsets = row_offsets(n_points, points.copied());
         let mut next = offsets.clone();
         let mut through = vec![0; offsets[n_points]];
         for (index, separator) in separators.iter().enumerate() {

@@ -16,6 +16,7 @@ use crate::kernels::rigs::clip::Clip;
 use crate::kernels::rigs::skeleton::{Skeleton, SkeletonError};
 use crate::kernels::rigs::ssdr::{Ssdr, SsdrError, SsdrOptions, ssdr};
 use crate::kernels::rigs::weights::{SkinWeights, WeightsError};
+use crate::kernels::table::{Column, Table};
 
 /// A skeleton that was found in a moving surface.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,6 +29,16 @@ pub struct MovingSkeleton {
     /// The root of the mean squared distance, over all frames and vertices, of the surface that is
     /// skinned by the weights with the bones' rigid motions; in the surface's unit.
     pub error: f64,
+}
+
+impl MovingSkeleton {
+    /// One row: the number of joints and the error.
+    pub fn summary(&self) -> Table {
+        Table::new(vec![
+            Column::numbers("joints", "", vec![self.skeleton.n_joints() as f64]),
+            Column::numbers("error", "", vec![self.error]),
+        ])
+    }
 }
 
 /// Why there is no skeleton.

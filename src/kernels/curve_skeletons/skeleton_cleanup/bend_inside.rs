@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::super::curve_skeleton::CurveSkeleton;
-use super::pull_inside::{is_nearly_closed, pull_inside};
+use super::pull_inside::is_nearly_closed;
 use crate::kernels::geometry::distance_field::DistanceField;
 use crate::kernels::geometry::mesh::{TriMesh, Vec3};
 use crate::kernels::geometry::shapes::signed_volume;
@@ -13,16 +13,6 @@ const ROUNDS: usize = 3;
 
 /// Places of an edge that are looked at.
 const PLACES: usize = 8;
-
-/// Moves nodes into a closed mesh as [`pull_inside`] does, and bends the edges that leave it as
-/// [`bend_edges`] does. Of open or inside-out surfaces only nodes are moved, if at all.
-pub fn bend_inside(skeleton: &CurveSkeleton, mesh: &TriMesh) -> CurveSkeleton {
-    let pulled = pull_inside(skeleton, mesh);
-    match inside_of(mesh) {
-        Some(field) => bend_edges(&pulled, &field),
-        None => pulled,
-    }
-}
 
 /// The distances from a surface that has an inside: one that is nearly closed and not inside out.
 pub fn inside_of(mesh: &TriMesh) -> Option<DistanceField> {
@@ -103,10 +93,10 @@ mod tests {
         let mesh = torus(1.0, 0.2, 96, 48);
         let ends = vec![Vec3::x(), Vec3::z()];
         let skeleton = CurveSkeleton::new(ends, vec![0.2; 2], vec![[0, 1]], vec![]).unwrap();
-        let bent = bend_inside(&skeleton, &mesh);
+        let field = inside_of(&mesh).unwrap();
+        let bent = bend_edges(&skeleton, &field);
         assert!(bent.n_nodes() > 2 && bent.leaves() == [0, 1] && bent.junctions().is_empty());
-        let field = DistanceField::new(&mesh);
         assert!((0..bent.n_edges()).all(|it| worst_place(&bent, it, &field).is_none()));
-        assert_eq!(bend_inside(&bent, &mesh), bent);
+        assert_eq!(bend_edges(&bent, &field), bent);
     }
 }

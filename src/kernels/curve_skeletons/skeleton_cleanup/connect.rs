@@ -43,7 +43,7 @@ pub fn connect_components(skeleton: &CurveSkeleton) -> CurveSkeleton {
             }
         }
     }
-    let mut links: Vec<([u32; 2], (f64, [u32; 2]))> = best.into_iter().collect();
+    let mut links: Vec<_> = best.into_iter().collect();
     links.sort_by(|a, b| a.1.0.total_cmp(&b.1.0).then(a.0.cmp(&b.0)));
     let mut sets = DisjointSets::new(skeleton.n_components());
     for ([one, other], (_, [a, b])) in links {

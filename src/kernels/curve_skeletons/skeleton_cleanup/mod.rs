@@ -16,7 +16,7 @@ mod strip_radii;
 #[cfg(test)]
 mod tests;
 
-pub use bend_inside::{bend_edges, bend_inside, inside_of, moved_inside};
+pub use bend_inside::{bend_edges, inside_of, moved_inside};
 pub use close_nodes::{merge_close_nodes, merge_crowded_nodes};
 pub use connect::{connect_components, drop_small_components};
 pub use cycles::{collapse_cycles, collapse_short_cycles};

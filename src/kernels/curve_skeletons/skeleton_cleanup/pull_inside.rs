@@ -111,9 +111,7 @@ mod tests {
         }
         assert!((res.positions()[0].norm() - 1.0).abs() < 0.03);
         // Inside out, the same.
-        let faces = mesh.faces().iter().map(|&[a, b, c]| [a, c, b]).collect();
-        let turned = TriMesh::new(mesh.vertices().to_vec(), faces).unwrap();
-        let again = pull_inside(&skeleton, &turned);
+        let again = pull_inside(&skeleton, &mesh.inverted());
         assert!((again.positions()[3] - Vec3::z()).norm() < 0.03);
     }
 

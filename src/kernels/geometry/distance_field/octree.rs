@@ -91,10 +91,6 @@ impl SampledDistance {
         Self { low, side, cells }
     }
 
-    pub fn n_cells(&self) -> usize {
-        self.cells.len()
-    }
-
     /// The signed distance, interpolated; places outside of the cube count as its nearest ones, plus
     /// their distance to them.
     pub fn distance(&self, place: Vec3) -> f64 {

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use crate::kernels::geometry::kabsch::best_rotation;
 use crate::kernels::geometry::mesh::{TriMesh, Vec3};
+use crate::kernels::numerics::sparse::row_offsets;
 use crate::kernels::sensors::registration::graph::{DeformationGraph, N_INFLUENCES};
 
 /// How often factors are averaged with those of the neighbours.
@@ -28,11 +29,7 @@ impl<'a> Embedding<'a> {
         let may_hold: Vec<bool> = areas.iter().map(|it| *it > 0.0).collect();
         let spacing = (areas.iter().sum::<f64>() / n_nodes as f64).sqrt();
         let graph = DeformationGraph::new(mesh.vertices(), mesh.faces(), &may_hold, spacing)?;
-        let mut offsets = vec![0; graph.n_nodes() + 1];
-        graph.edges.iter().for_each(|it| offsets[it.0 as usize + 1] += 1);
-        for node in 0..graph.n_nodes() {
-            offsets[node + 1] += offsets[node];
-        }
+        let offsets = row_offsets(graph.n_nodes(), graph.edges.iter().map(|it| it.0));
         Some(Self { rest: mesh.vertices(), graph, offsets })
     }
 

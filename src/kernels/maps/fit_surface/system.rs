@@ -7,6 +7,7 @@ use super::FitSurfaceError;
 use super::embedding::Embedding;
 use super::pulls::Pull;
 use crate::kernels::geometry::mesh::Vec3;
+use crate::kernels::numerics::block_pattern::BlockPattern;
 use crate::kernels::numerics::sparse::CsrMatrix;
 use crate::kernels::numerics::sparse_cholesky::SparseCholesky;
 use crate::kernels::sensors::registration::graph::N_INFLUENCES;
@@ -17,10 +18,8 @@ const STAY: f64 = 1e-8;
 
 /// The normal equations of the places of all nodes, by blocks of three rows and columns.
 pub struct System {
-    /// By node: the first of its blocks.
-    offsets: Vec<usize>,
-    /// By block: the other node, not smaller than the own one. Ascending.
-    columns: Vec<u32>,
+    /// Pairs of nodes, the smaller first.
+    pattern: BlockPattern,
     matrix: CsrMatrix,
     factor: Option<SparseCholesky>,
 }
@@ -38,16 +37,9 @@ impl System {
                 pairs.extend(skin.iter().filter(used).filter(|it| it.0 > a).map(|it| (a, it.0)));
             }
         }
-        pairs.sort_unstable();
-        pairs.dedup();
-        let mut offsets = vec![0; n_nodes + 1];
-        pairs.iter().for_each(|it| offsets[it.0 as usize + 1] += 1);
-        for node in 0..n_nodes {
-            offsets[node + 1] += offsets[node];
-        }
-        let columns: Vec<u32> = pairs.iter().map(|it| it.1).collect();
-        let matrix = pattern(&offsets, &columns);
-        Self { offsets, columns, matrix, factor: None }
+        let pattern = BlockPattern::new(n_nodes, pairs);
+        let matrix = zero_matrix(&pattern);
+        Self { pattern, matrix, factor: None }
     }
 
     /// The places of nodes with the least energy, for fixed frames.
@@ -104,11 +96,10 @@ impl System {
 
     /// Adds a symmetric block at a pair of nodes, the smaller first.
     fn add(&mut self, row: u32, column: u32, block: &Matrix3<f64>) {
-        let own = self.offsets[row as usize]..self.offsets[row as usize + 1];
-        let n_blocks = own.len();
-        let at = self.columns[own.clone()].binary_search(&column).expect("a known pair");
+        let own = self.pattern.row(row as usize);
+        let at = self.pattern.place(row, column) - own.start;
         for i in 0..3 {
-            let begin = 9 * own.start + 3 * (i * n_blocks + at);
+            let begin = 9 * own.start + 3 * (i * own.len() + at);
             for j in 0..3 {
                 self.matrix.values[begin + j] += block[(i, j)];
             }
@@ -144,17 +135,17 @@ impl System {
 }
 
 /// Three rows a node, three columns a block, all zero.
-fn pattern(offsets: &[usize], blocks: &[u32]) -> CsrMatrix {
-    let n_rows = 3 * (offsets.len() - 1);
-    let mut columns = Vec::with_capacity(9 * blocks.len());
-    let mut row_offsets = vec![0];
-    for node in offsets.windows(2) {
+fn zero_matrix(pattern: &BlockPattern) -> CsrMatrix {
+    let n_rows = 3 * pattern.n_rows();
+    let mut columns = Vec::with_capacity(9 * pattern.columns().len());
+    let mut offsets = vec![0];
+    for node in 0..pattern.n_rows() {
+        let blocks = &pattern.columns()[pattern.row(node)];
         for _ in 0..3 {
-            let own = &blocks[node[0]..node[1]];
-            columns.extend(own.iter().flat_map(|it| [3 * it, 3 * it + 1, 3 * it + 2]));
-            row_offsets.push(columns.len());
+            columns.extend(blocks.iter().flat_map(|it| [3 * it, 3 * it + 1, 3 * it + 2]));
+            offsets.push(columns.len());
         }
     }
     let values = vec![0.0; columns.len()];
-    CsrMatrix { n_rows, n_cols: n_rows, offsets: row_offsets, columns, values }
+    CsrMatrix { n_rows, n_cols: n_rows, offsets, columns, values }
 }

@@ -1,6 +1,9 @@
 //! What sticks out of a shape: maxima of the mean distance that stay maxima for long.
 
+use std::mem::{swap, take};
+
 use super::surface::Surface;
+use crate::kernels::geometry::topology::DisjointSets;
 
 /// Something that sticks out: a limb, a head, an ear.
 #[derive(Debug, Clone)]
@@ -23,10 +26,10 @@ pub fn maxima(surface: &Surface, function: &[f64]) -> Vec<(usize, f64)> {
     sweep(
         surface,
         &order,
-        |sets, level, roots| {
+        |above, level, roots| {
             // The elder is the set whose maximum came first.
             for &younger in &roots[1..] {
-                let maximum = sets.maximum[younger];
+                let maximum = above.maximum[younger];
                 found.push((maximum, function[maximum] - level));
             }
         },
@@ -55,17 +58,17 @@ pub fn protrusions(surface: &Surface, function: &[f64], kept: &[(usize, f64)]) -
     sweep(
         surface,
         &order,
-        |sets, _, roots| {
+        |above, _, roots| {
             let meeting: Vec<usize> =
-                roots.iter().filter(|&&it| place(sets.maximum[it]).is_some()).copied().collect();
+                roots.iter().filter(|&&it| place(above.maximum[it]).is_some()).copied().collect();
             if meeting.len() < 2 {
                 return;
             }
             for root in meeting {
-                let it = place(sets.maximum[root]).expect("filtered above");
+                let it = place(above.maximum[root]).expect("filtered above");
                 if !is_closed[it] {
                     is_closed[it] = true;
-                    res[it].members = sets.members[root].clone();
+                    res[it].members = above.members[root].clone();
                 }
             }
         },
@@ -84,21 +87,28 @@ fn descending(function: &[f64]) -> Vec<u32> {
 }
 
 /// The components of what lies above a level that sinks.
-struct Sets {
-    parent: Vec<u32>,
+struct Components {
+    sets: DisjointSets,
     /// Of every root, the vertex of its greatest value.
     maximum: Vec<usize>,
     /// Of every root, its vertices.
     members: Vec<Vec<u32>>,
 }
 
-impl Sets {
-    fn find(&mut self, mut it: usize) -> usize {
-        while self.parent[it] as usize != it {
-            self.parent[it] = self.parent[self.parent[it] as usize];
-            it = self.parent[it] as usize;
+impl Components {
+    /// Makes one component of two.
+    fn join(&mut self, a: usize, b: usize, maximum: usize) {
+        let (a, b) = (self.sets.find(a), self.sets.find(b));
+        self.sets.join(a, b);
+        // The larger list takes the smaller one in.
+        let (mut all, mut rest) = (take(&mut self.members[a]), take(&mut self.members[b]));
+        if all.len() < rest.len() {
+            swap(&mut all, &mut rest);
         }
-        it
+        all.extend(rest);
+        let root = self.sets.find(a);
+        self.members[root] = all;
+        self.maximum[root] = maximum;
     }
 }
 
@@ -106,41 +116,35 @@ impl Sets {
 fn sweep(
     surface: &Surface,
     order: &[u32],
-    mut meet: impl FnMut(&Sets, f64, &[usize]),
+    mut meet: impl FnMut(&Components, f64, &[usize]),
     function: &[f64],
 ) {
     let n = surface.len();
-    let mut sets =
-        Sets { parent: vec![u32::MAX; n], maximum: vec![0; n], members: vec![Vec::new(); n] };
+    let mut above = Components {
+        sets: DisjointSets::new(n),
+        maximum: (0..n).collect(),
+        members: vec![Vec::new(); n],
+    };
     let mut rank = vec![0_u32; n];
     order.iter().enumerate().for_each(|(place, &it)| rank[it as usize] = place as u32);
     for &vertex in order {
         let vertex = vertex as usize;
-        sets.parent[vertex] = vertex as u32;
-        sets.maximum[vertex] = vertex;
-        sets.members[vertex].push(vertex as u32);
+        above.members[vertex].push(vertex as u32);
         let mut roots: Vec<usize> = Vec::new();
         for &(neighbor, _) in surface.ways(vertex) {
-            if sets.parent[neighbor as usize] != u32::MAX && neighbor as usize != vertex {
-                roots.push(sets.find(neighbor as usize));
+            let neighbor = neighbor as usize;
+            if rank[neighbor] < rank[vertex] {
+                roots.push(above.sets.find(neighbor));
             }
         }
-        roots.sort_unstable_by_key(|&it| rank[sets.maximum[it]]);
+        roots.sort_unstable_by_key(|&it| rank[above.maximum[it]]);
         roots.dedup();
         if roots.len() > 1 {
-            meet(&sets, function[vertex], &roots);
+            meet(&above, function[vertex], &roots);
         }
-        for root in roots {
-            // The larger list takes the smaller one in; the highest maximum lives on.
-            let (mut into, mut from) = (sets.find(vertex), root);
-            let by_rank = rank[sets.maximum[into]].min(rank[sets.maximum[from]]);
-            if sets.members[into].len() < sets.members[from].len() {
-                std::mem::swap(&mut into, &mut from);
-            }
-            sets.parent[from] = into as u32;
-            let moved = std::mem::take(&mut sets.members[from]);
-            sets.members[into].extend(moved);
-            sets.maximum[into] = order[by_rank as usize] as usize;
-        }
+        // The highest maximum lives on.
+        let Some(&highest) = roots.first() else { continue };
+        let maximum = above.maximum[highest];
+        roots.iter().for_each(|&it| above.join(vertex, it, maximum));
     }
 }

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use crate::kernels::geometry::mesh::{TriMesh, Vec3};
 use crate::kernels::geometry::point_tree::PointTree;
 use crate::kernels::geometry::topology::{DisjointSets, Edges, Topology, is_collapsed};
+use crate::kernels::numerics::sparse::row_offsets;
 
 /// Over the diagonal of the bounding box: how far from each other parts may be that belong together.
 const GAP: f64 = 0.015;
@@ -44,13 +45,7 @@ impl Surface {
     fn new(mesh: &TriMesh, mut ways: Vec<(u32, u32, f64)>, areas: Vec<f64>) -> Self {
         ways.sort_unstable_by(|a, b| (a.0, a.1).cmp(&(b.0, b.1)).then(a.2.total_cmp(&b.2)));
         ways.dedup_by_key(|it| (it.0, it.1));
-        let mut offsets = vec![0; mesh.n_vertices() + 1];
-        for way in &ways {
-            offsets[way.0 as usize + 1] += 1;
-        }
-        for vertex in 0..mesh.n_vertices() {
-            offsets[vertex + 1] += offsets[vertex];
-        }
+        let offsets = row_offsets(mesh.n_vertices(), ways.iter().map(|it| it.0));
         let ways = ways.into_iter().map(|(_, to, length)| (to, length)).collect();
         let normals = match Topology::of(mesh).is_oriented {
             true => mesh.vertex_normals(),

@@ -59,16 +59,12 @@ fn mirrored_and_inside_out_surfaces_are_refused_and_both_at_once_is_another_body
         let vertices = mesh.vertices().iter().map(|it| Vec3::new(-it.x, it.y, it.z)).collect();
         mesh.with_vertices(vertices).unwrap()
     };
-    let turn_over = |mesh: &TriMesh| {
-        let faces = mesh.faces().iter().map(|&[a, b, c]| [a, c, b]).collect();
-        TriMesh::new(mesh.vertices().to_vec(), faces).unwrap()
-    };
-    for mesh in [mirror(&it.mesh), turn_over(&it.mesh)] {
+    for mesh in [mirror(&it.mesh), it.mesh.inverted()] {
         assert!(matches!(find_landmarks(&mesh, BIPED), Err(FindError::InsideOut { .. })));
     }
     // The mirror image is as good a body, whose left hand is the right one of the first.
     let plain = find_landmarks(&it.mesh, BIPED).unwrap().landmarks;
-    let mirrored = find_landmarks(&turn_over(&mirror(&it.mesh)), BIPED).unwrap().landmarks;
+    let mirrored = find_landmarks(&mirror(&it.mesh).inverted(), BIPED).unwrap().landmarks;
     assert_eq!(mirrored.vertices[1..5], [2, 1, 4, 3].map(|it| plain.vertices[it]));
 }
 

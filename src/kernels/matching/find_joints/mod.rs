@@ -206,7 +206,7 @@ fn greatest<'a>(
             true => (way(it) - way(bend)).abs() < separation,
             false => (place(it) - place(bend)).norm() <= 1e-9 * chains[it.chain].length(),
         };
-        let is_slope = seen.iter().any(|it| is_beside(it));
+        let is_slope = seen.iter().any(is_beside);
         seen.push(bend);
         if !is_slope && !chosen.iter().any(is_near) {
             chosen.push(bend);

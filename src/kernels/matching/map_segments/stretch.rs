@@ -124,8 +124,8 @@ pub fn insert(stretch: &mut Stretch, grown: &mut GrowingSkeleton, options: &MapS
     match options.insertion {
         Insertion::Never => {}
         Insertion::Joints => {
-            for place in stretch.source_places[1..last].to_vec() {
-                stretch.insert_at(place, grown, options.threshold);
+            for joint in 1..last {
+                stretch.insert_at(stretch.source_places[joint], grown, options.threshold);
             }
         }
         Insertion::Empty => {

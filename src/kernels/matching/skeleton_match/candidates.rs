@@ -59,7 +59,7 @@ impl Search<'_> {
             return Vec::new();
         }
         let mut res: Vec<Candidate> = match self.anchor(node) {
-            None => self.unused().map(|it| Candidate::start(it)).collect(),
+            None => self.unused().map(Candidate::start).collect(),
             Some((anchor, _)) if self.plan.to_parent[node as usize].len() > 1 => {
                 let neighbors =
                     &self.large.collapsed.incident[self.image[anchor as usize] as usize];

@@ -112,7 +112,7 @@ impl Copy<'_> {
     }
 
     /// The bone of the source, and where along it.
-    pub fn source_place(&self, pieces: &[Piece], grid: Grid, along: f64) -> (usize, f64) {
+    fn source_place(&self, pieces: &[Piece], grid: Grid, along: f64) -> (usize, f64) {
         let (first, last) = (pieces[0], pieces[pieces.len() - 1]);
         let span =
             |bone: usize| self.rectangles[bone].as_ref().map_or([0.0, 1.0], |it| it.grid.span);

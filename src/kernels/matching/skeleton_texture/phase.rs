@@ -3,7 +3,7 @@
 use super::rectangle::Rectangle;
 
 /// How many angles are tried.
-pub const N_SHIFTS: usize = 16;
+const N_SHIFTS: usize = 16;
 
 /// Rows that are compared.
 const N_ROWS: usize = 8;

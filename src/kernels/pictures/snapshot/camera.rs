@@ -119,7 +119,7 @@ pub fn arrange(
         extents.iter().zip(&scales).map(|(it, s)| s * it.size()[0].hypot(it.size()[1])).sum()
     };
     let best = (1..=extents.len())
-        .filter(|it| it % n_views == 0 || n_views % it == 0)
+        .filter(|it| it.is_multiple_of(n_views) || n_views.is_multiple_of(*it))
         .max_by(|&a, &b| filled(a).total_cmp(&filled(b)))
         .expect("one view of one figure fits into one column");
     let (cells, scales) = layout(best);

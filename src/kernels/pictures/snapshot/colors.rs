@@ -1,5 +1,8 @@
 //! Colours of surfaces and colour maps.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use crate::kernels::geometry::mesh::{TriMesh, Vec3};
 use crate::kernels::maps::functional_map::PointMap;
 use crate::kernels::pictures::canvas::color::{linear_from_srgb, mix};
@@ -48,17 +51,7 @@ pub fn diverging(t: f64) -> Color {
 }
 
 /// How values become colours.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    serde::Serialize,
-    serde::Deserialize,
-    schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ColorMap {
     /// From the least value to the greatest: violet, green, yellow.

@@ -18,10 +18,10 @@ use serde::{Deserialize, Serialize};
 
 use super::skeleton::Skeleton;
 use crate::kernels::geometry::distance_field::{DistanceField, SampledDistance, SamplingOptions};
-use crate::kernels::geometry::medial_balls::{Ball, MedialOptions, medial_balls, pack};
+use crate::kernels::geometry::medial_balls::{BODY_SIZE, Ball, MedialOptions, medial_balls, pack};
 use crate::kernels::geometry::medial_graph::MedialGraph;
 use crate::kernels::geometry::mesh::{MeshError, TriMesh, Vec3};
-use crate::kernels::geometry::shapes::signed_volume;
+use crate::kernels::geometry::shapes::outward;
 
 use align::{axis_rotations, extent, mirror_images};
 use penalties::Problem;
@@ -147,12 +147,6 @@ pub enum EmbedError {
     NothingFits { n_joints: usize, n_balls: usize },
 }
 
-/// How large the body is in the frame of the work.
-const BODY: f64 = 0.9;
-/// The least radius of a ball.
-const LEAST_RADIUS: f64 = 0.006;
-/// The distance between starting points of balls.
-const SPACING: f64 = 0.006;
 /// How much of its body's extent a skeleton spans if nothing is known.
 const USUAL_SHARE: f64 = 0.9;
 /// How long every rotation is tried.
@@ -266,22 +260,14 @@ impl Target {
     fn new(mesh: &TriMesh, options: &EmbedOptions) -> Result<Self, EmbedError> {
         mesh.check_has_faces()?;
         let (low, high, size) = extent(mesh.vertices());
-        let scale = BODY / size;
+        let scale = BODY_SIZE / size;
         if !(size > 0.0 && size.is_finite() && scale.is_finite()) {
             return Err(EmbedError::Extent { extent: size });
         }
         let frame = |it: &Vec3| (it - (low + high) / 2.0) * scale + Vec3::repeat(0.5);
-        let mut inside = mesh.with_vertices(mesh.vertices().iter().map(frame).collect())?;
-        if signed_volume(&inside) < 0.0 {
-            let turned = inside.faces().iter().map(|&[a, b, c]| [a, c, b]).collect();
-            inside = TriMesh::new(inside.vertices().to_vec(), turned)?;
-        }
+        let inside = outward(mesh.with_vertices(mesh.vertices().iter().map(frame).collect())?);
         let exact = DistanceField::new(&inside);
-        let medial = MedialOptions {
-            spacing: SPACING,
-            least_radius: LEAST_RADIUS,
-            greatest_cosine: options.medial_angle_deg.to_radians().cos(),
-        };
+        let medial = MedialOptions::for_body(options.medial_angle_deg);
         let balls = medial_balls(&exact, &inside, &medial);
         if balls.is_empty() {
             return Err(EmbedError::NoInside { extent: size });
@@ -312,7 +298,7 @@ impl<'a> Source<'a> {
         let (low, _, own) = extent(skeleton.positions());
         let whole = options.source_extent.unwrap_or(own / USUAL_SHARE);
         // A skeleton at one place has no size, and needs none.
-        let scale = if own > 0.0 { BODY / whole } else { 0.0 };
+        let scale = if own > 0.0 { BODY_SIZE / whole } else { 0.0 };
         if !scale.is_finite() {
             let wanted = "within the range of double precision";
             return Err(EmbedError::Option { name: "source_extent", value: whole, wanted });

@@ -42,7 +42,7 @@ pub fn refine(
     body: &Body<'_>,
     working: &Working,
     mirrored: &[Option<usize>],
-    positions: &mut Vec<Vec3>,
+    positions: &mut [Vec3],
     n_rounds: usize,
 ) {
     let mut energy = Energy::new(body, working, mirrored);
@@ -86,7 +86,7 @@ impl<'a> Energy<'a> {
     }
 
     /// Moves some joints along the gradient: a small step, doubled as long as the energy falls.
-    fn descend(&mut self, positions: &mut Vec<Vec3>, moving: &[usize]) {
+    fn descend(&mut self, positions: &mut [Vec3], moving: &[usize]) {
         let mut bones: Vec<usize> =
             moving.iter().flat_map(|&it| self.bones_at[it].iter().copied()).collect();
         bones.sort_unstable();
@@ -96,7 +96,7 @@ impl<'a> Energy<'a> {
         let square: f64 = moving.iter().map(|&it| gradient[it].norm_squared()).sum();
         let mut step = 0.0005 / (0.001 + square).sqrt();
         let mut best = start;
-        let mut moved = positions.clone();
+        let mut moved = positions.to_vec();
         while step.is_finite() {
             for &joint in moving {
                 moved[joint] = positions[joint] - gradient[joint] * step;

@@ -71,8 +71,7 @@ fn the_result_moves_with_the_mesh() {
     let expected = embed(&it.mesh, &it.skeleton, &options).unwrap();
     let moved = |it: &Vec3| it * 1e5 + Vec3::new(3e4, -2e4, 1e4);
     let vertices = it.mesh.vertices().iter().map(moved).collect();
-    let faces = it.mesh.faces().iter().map(|&[a, b, c]| [a, c, b]).collect();
-    let other = TriMesh::new(vertices, faces).unwrap();
+    let other = it.mesh.inverted().with_vertices(vertices).unwrap();
     let shifted = it.skeleton.positions().iter().map(|it| it + Vec3::x() * 5.0).collect();
     let shifted = it.skeleton.with_positions(shifted).unwrap();
     let res = embed(&other, &shifted, &options).unwrap();

@@ -1,5 +1,5 @@
 use super::*;
-use crate::kernels::geometry::shapes::{moved, torus, union};
+use crate::kernels::geometry::shapes::{moved, outward, torus, union};
 use crate::kernels::synthetic::synthesize::{Body, SynthesizeOptions, synthesize};
 
 fn skeleton(positions: &[Vec3]) -> Skeleton {
@@ -30,15 +30,7 @@ fn tube(n_along: usize, n_around: usize) -> TriMesh {
         faces.push([0, at(0, it), at(0, it + 1)]);
         faces.push([last, at(n_along, it + 1), at(n_along, it)]);
     }
-    let mesh = TriMesh::new(vertices, faces).unwrap();
-    match signed_volume(&mesh) > 0.0 {
-        true => mesh,
-        false => TriMesh::new(
-            mesh.vertices().to_vec(),
-            mesh.faces().iter().map(|&[a, b, c]| [a, c, b]).collect(),
-        )
-        .unwrap(),
-    }
+    outward(TriMesh::new(vertices, faces).unwrap())
 }
 
 fn arm() -> Skeleton {
@@ -108,9 +100,7 @@ fn rows_sum_to_one_and_do_not_depend_on_unit_orientation_or_seams() {
         let joints = skeleton(&arm().positions().iter().map(scaled).collect::<Vec<_>>());
         close(&solve(&big, &joints).weights, &|it| it);
     }
-    let inverted = mesh.faces().iter().map(|&[a, b, c]| [a, c, b]).collect();
-    let inverted = TriMesh::new(mesh.vertices().to_vec(), inverted).unwrap();
-    close(&solve(&inverted, &arm()).weights, &|it| it);
+    close(&solve(&mesh.inverted(), &arm()).weights, &|it| it);
     // Every face with corners of its own.
     let corners = mesh.faces().iter().flatten().map(|&it| mesh.vertices()[it as usize]).collect();
     let faces = (0..mesh.n_faces() as u32).map(|it| [3 * it, 3 * it + 1, 3 * it + 2]).collect();

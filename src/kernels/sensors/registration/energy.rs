@@ -8,6 +8,7 @@ use super::graph::DeformationGraph;
 use super::normal_matrix::{Block, Pattern, Six};
 use super::warp::Motion;
 use crate::kernels::geometry::mesh::Vec3;
+use crate::kernels::numerics::block_pattern::BlockPattern;
 
 /// Factors of the terms.
 #[derive(Debug, Clone, Copy)]
@@ -79,25 +80,25 @@ impl Posed<'_> {
         terms: &Terms,
     ) -> (Vec<Block>, Vec<Six>) {
         let samples = self.sample_terms(motion, pairs, terms);
-        let rows: Vec<(Vec<Block>, Six)> = (0..pattern.n_nodes())
+        let rows: Vec<(Vec<Block>, Six)> = (0..pattern.blocks.n_rows())
             .into_par_iter()
             .map(|row| self.data_row(pattern, motion, &samples, row))
             .collect();
-        let mut blocks = Vec::with_capacity(pattern.columns.len());
+        let mut blocks = Vec::with_capacity(pattern.blocks.columns().len());
         let mut b = Vec::with_capacity(rows.len());
         for (row, gradient) in rows {
             blocks.extend(row);
             b.push(gradient);
         }
-        for row in 0..pattern.n_nodes() {
-            for place in pattern.offsets[row]..pattern.offsets[row + 1] {
-                let column = pattern.columns[place];
+        for row in 0..pattern.blocks.n_rows() {
+            for place in pattern.blocks.row(row) {
+                let column = pattern.blocks.columns()[place];
                 if (column as usize) < row {
-                    blocks[place] = blocks[pattern.place(column, row as u32)].transpose();
+                    blocks[place] = blocks[pattern.blocks.place(column, row as u32)].transpose();
                 }
             }
         }
-        self.add_smoothness(pattern, motion, terms.smooth, &mut blocks, &mut b);
+        self.add_smoothness(&pattern.blocks, motion, terms.smooth, &mut blocks, &mut b);
         (blocks, b)
     }
 
@@ -134,9 +135,8 @@ impl Posed<'_> {
         samples: &[(Matrix3<f64>, Vec3)],
         row: usize,
     ) -> (Vec<Block>, Six) {
-        let (begin, end) = (pattern.offsets[row], pattern.offsets[row + 1]);
-        let columns = &pattern.columns[begin..end];
-        let mut blocks = vec![Block::zeros(); end - begin];
+        let columns = &pattern.blocks.columns()[pattern.blocks.row(row)];
+        let mut blocks = vec![Block::zeros(); columns.len()];
         let mut b = Six::zeros();
         for &(sample, place) in &pattern.samples[row] {
             let (weight, pull) = &samples[sample as usize];
@@ -165,7 +165,7 @@ impl Posed<'_> {
 
     fn add_smoothness(
         &self,
-        pattern: &Pattern,
+        pattern: &BlockPattern,
         motion: &Motion,
         smooth: f64,
         blocks: &mut [Block],
@@ -255,8 +255,9 @@ mod tests {
             assert!((slope + pull).abs() < 1e-5 * (1.0 + pull.abs()), "{unknown}: {slope} {pull}");
         }
         for row in 0..graph.n_nodes() as u32 {
-            for place in pattern.offsets[row as usize]..pattern.offsets[row as usize + 1] {
-                let mirrored = blocks[pattern.place(pattern.columns[place], row)].transpose();
+            for place in pattern.blocks.row(row as usize) {
+                let column = pattern.blocks.columns()[place];
+                let mirrored = blocks[pattern.blocks.place(column, row)].transpose();
                 assert!((blocks[place] - mirrored).norm() < 1e-9, "the matrix is symmetric");
             }
         }

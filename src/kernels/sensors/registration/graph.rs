@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::kernels::geometry::mesh::Vec3;
 use crate::kernels::geometry::point_tree::PointTree;
+use crate::kernels::numerics::sparse::row_offsets;
 
 /// The most nodes that move a vertex.
 pub const N_INFLUENCES: usize = 4;
@@ -193,11 +194,7 @@ impl Surface {
             .collect();
         pairs.sort_unstable();
         pairs.dedup();
-        let mut offsets = vec![0; vertices.len() + 1];
-        pairs.iter().for_each(|it| offsets[it.0 as usize + 1] += 1);
-        for vertex in 0..vertices.len() {
-            offsets[vertex + 1] += offsets[vertex];
-        }
+        let offsets = row_offsets(vertices.len(), pairs.iter().map(|it| it.0));
         let length = |a: u32, b: u32| (vertices[a as usize] - vertices[b as usize]).norm();
         let edges = pairs.iter().map(|&(a, b)| (b, length(a, b))).collect();
         Self { offsets, edges }

@@ -4,16 +4,14 @@ use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 
 use super::graph::{DeformationGraph, N_INFLUENCES};
+use crate::kernels::numerics::block_pattern::BlockPattern;
 
 pub type Block = SMatrix<f64, 6, 6>;
 pub type Six = SVector<f64, 6>;
 
-/// Which blocks there are: nodes that move a common vertex, and ends of edges.
+/// Where there are blocks: nodes that move a common vertex, and ends of edges.
 pub struct Pattern {
-    /// `N + 1` offsets into `columns`.
-    pub offsets: Vec<usize>,
-    /// The columns of each row, ascending.
-    pub columns: Vec<u32>,
+    pub blocks: BlockPattern,
     /// For each row the (sample, place in its skin) pairs that it sums over.
     pub samples: Vec<Vec<(u32, u8)>>,
 }
@@ -35,28 +33,7 @@ impl Pattern {
         for &(i, j, _) in &graph.edges {
             pairs.extend([(i, j), (j, i)]);
         }
-        pairs.sort_unstable();
-        pairs.dedup();
-        let mut offsets = vec![0; n_nodes + 1];
-        pairs.iter().for_each(|it| offsets[it.0 as usize + 1] += 1);
-        for node in 0..n_nodes {
-            offsets[node + 1] += offsets[node];
-        }
-        Self { offsets, columns: pairs.iter().map(|it| it.1).collect(), samples: by_row }
-    }
-
-    pub fn n_nodes(&self) -> usize {
-        self.offsets.len() - 1
-    }
-
-    /// The place of a block.
-    ///
-    /// # Panics
-    /// If the pattern lacks it.
-    pub fn place(&self, row: u32, column: u32) -> usize {
-        let begin = self.offsets[row as usize];
-        let columns = &self.columns[begin..self.offsets[row as usize + 1]];
-        begin + columns.binary_search(&column).expect("the pattern holds all pairs")
+        Self { blocks: BlockPattern::new(n_nodes, pairs), samples: by_row }
     }
 }
 
@@ -66,14 +43,14 @@ const ROWS: usize = 64;
 /// Solves `(H + damping diag(H)) x = b` by conjugate gradients, preconditioned by the inverses of
 /// the diagonal blocks; at most `most` iterations, to a relative residual of `tolerance`.
 pub fn solve(
-    pattern: &Pattern,
+    pattern: &BlockPattern,
     blocks: &[Block],
     b: &[Six],
     damping: f64,
     most: usize,
     tolerance: f64,
 ) -> Vec<Six> {
-    let n = pattern.n_nodes();
+    let n = pattern.n_rows();
     let damped: Vec<Block> = (0..n as u32)
         .map(|it| {
             let mut block = blocks[pattern.place(it, it)];
@@ -87,8 +64,8 @@ pub fn solve(
         damped.iter().map(|it| it.try_inverse().unwrap_or_else(Block::identity)).collect();
     let row_product = |row: usize, x: &[Six]| {
         let mut sum = Six::zeros();
-        for place in pattern.offsets[row]..pattern.offsets[row + 1] {
-            let column = pattern.columns[place] as usize;
+        for place in pattern.row(row) {
+            let column = pattern.columns()[place] as usize;
             let block = if column == row { &damped[row] } else { &blocks[place] };
             sum += block * x[column];
         }

@@ -52,7 +52,7 @@ impl Level<'_> {
                 self.posed.normal_equations(self.pattern, &motion, &pairs, &self.terms);
             let mut decrease = 0.0;
             for _ in 0..RETRIES {
-                let step = solve(self.pattern, &blocks, &b, damping, 50, 1e-4);
+                let step = solve(&self.pattern.blocks, &blocks, &b, damping, 50, 1e-4);
                 let flat: Vec<f64> = step.iter().flat_map(|it| it.iter().copied()).collect();
                 let stepped = motion.stepped(&flat);
                 let after = self.posed.energy(&stepped, &pairs, &self.terms);

@@ -7,6 +7,7 @@ use crate::kernels::{
     geometry::{
         isosurface::{Grid, isosurface},
         mesh::{TriMesh, Vec3},
+        topology::DisjointSets,
     },
     numerics::random::Random,
     remeshing::{
@@ -88,26 +89,12 @@ fn rough(
 
 /// The number of connected parts.
 pub fn n_components(mesh: &TriMesh) -> usize {
-    let mut roots: Vec<u32> = (0..mesh.n_vertices() as u32).collect();
-    let mut n_components = mesh.n_vertices();
+    let mut sets = DisjointSets::new(mesh.n_vertices());
     for &[a, b, c] in mesh.faces() {
-        for (from, to) in [(a, b), (b, c)] {
-            let (from, to) = (root(&mut roots, from), root(&mut roots, to));
-            if from != to {
-                roots[from as usize] = to;
-                n_components -= 1;
-            }
-        }
+        sets.join(a as usize, b as usize);
+        sets.join(b as usize, c as usize);
     }
-    n_components
-}
-
-fn root(roots: &mut [u32], mut vertex: u32) -> u32 {
-    while roots[vertex as usize] != vertex {
-        roots[vertex as usize] = roots[roots[vertex as usize] as usize];
-        vertex = roots[vertex as usize];
-    }
-    vertex
+    (0..mesh.n_vertices()).filter(|&it| sets.find(it) == it).count()
 }
 
 /// The wanted edge length at a point, up to a factor.

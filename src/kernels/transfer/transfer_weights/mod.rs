@@ -4,6 +4,8 @@ mod precise;
 pub(in crate::kernels) mod smooth;
 
 use faer::Mat;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::kernels::{
     geometry::mesh::TriMesh,
@@ -33,17 +35,7 @@ pub struct TransferWeightsOptions {
 }
 
 /// In which space a target vertex looks for its place on the source.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    serde::Serialize,
-    serde::Deserialize,
-    schemars::JsonSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Matching {
     /// Among positions in space: the map places the source's vertices on the target (the paper).

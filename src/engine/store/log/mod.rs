@@ -1,5 +1,9 @@
 //! The append-only log: many small records in few files, and their index in memory.
 
+mod record;
+
+pub use record::RecordKind;
+
 use std::{
     borrow::Cow,
     collections::HashMap,
@@ -11,55 +15,17 @@ use std::{
 
 use memmap2::Mmap;
 
+use self::record::{HEADER, MAX_GENERATION, check_of, next_record, read_header, write_header};
 use super::{
     StoreError,
     disk::{Disk, is_at, is_removed, unique_word},
 };
 use crate::engine::digest::Digest;
 
-/// What a record is about. The numbers are the file format.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum RecordKind {
-    /// Key digest -> entry (JSON).
-    Entry = 1,
-    /// Object digest -> bytes.
-    Object = 2,
-    FileDigest = 3,
-    LastKey = 4,
-    Exported = 5,
-    Facts = 6,
-    /// State of an object's file -> digest of the object that it was found to be.
-    Checked = 7,
-    LastKeys = 8,
-}
-
-impl RecordKind {
-    const ALL: [Self; 8] = [
-        Self::Entry,
-        Self::Object,
-        Self::FileDigest,
-        Self::LastKey,
-        Self::Exported,
-        Self::Facts,
-        Self::Checked,
-        Self::LastKeys,
-    ];
-}
-
 const MAGIC: &[u8; 8] = b"SINEWLG1";
-
-/// A record: payload length (4 bytes), kind (1), generation (3), digest (32), check of the payload
-/// (8), check of these 48 bytes (8), payload, zeros up to a multiple of 8.
-///
-/// The generation orders records of one kind and digest, in whichever segments they are: a record
-/// that replaces another has a larger one. No clock has a say in it.
-const HEADER: usize = 56;
 
 /// A record has about so many bytes: an index with room for as many need not grow while it is filled.
 const USUAL_RECORD: usize = 300;
-
-const MAX_GENERATION: u32 = (1 << 24) - 1;
 
 /// A segment that is larger is not appended to any more.
 const FULL_SEGMENT: u64 = 256 << 20;
@@ -458,71 +424,6 @@ impl Log {
 
 fn is_segment(path: &Path) -> bool {
     path.extension().is_some_and(|it| it == "log")
-}
-
-fn check_of(bytes: &[u8]) -> u64 {
-    let digest = blake3::hash(bytes);
-    u64::from_le_bytes(digest.as_bytes()[..8].try_into().expect("a digest has 32 bytes"))
-}
-
-/// Appends a record's header and returns the payload's check.
-fn write_header(
-    buffer: &mut Vec<u8>,
-    kind: RecordKind,
-    generation: u32,
-    digest: &Digest,
-    payload: &[u8],
-) -> u64 {
-    let start = buffer.len();
-    let check = check_of(payload);
-    buffer.extend_from_slice(&(payload.len() as u32).to_le_bytes());
-    buffer.extend_from_slice(&(u32::from(kind as u8) | generation << 8).to_le_bytes());
-    buffer.extend_from_slice(&digest.0);
-    buffer.extend_from_slice(&check.to_le_bytes());
-    let header_check = check_of(&buffer[start..]);
-    buffer.extend_from_slice(&header_check.to_le_bytes());
-    check
-}
-
-struct Header {
-    /// `None` if this version does not know it.
-    kind: Option<RecordKind>,
-    generation: u32,
-    digest: Digest,
-    check: u64,
-    length: u32,
-}
-
-/// The header of a whole record.
-fn read_header(map: &[u8], at: u64) -> Option<Header> {
-    let at = usize::try_from(at).ok()?;
-    let header = map.get(at..at + HEADER)?;
-    let number = |range: std::ops::Range<usize>| {
-        u64::from_le_bytes(header[range].try_into().expect("eight bytes"))
-    };
-    let length = u32::from_le_bytes(header[..4].try_into().expect("four bytes"));
-    map.get(at + HEADER..at + HEADER + length as usize)?;
-    if number(48..56) != check_of(&header[..48]) {
-        return None;
-    }
-    let word = u32::from_le_bytes(header[4..8].try_into().expect("four bytes"));
-    Some(Header {
-        kind: RecordKind::ALL.into_iter().find(|&it| it as u8 == word as u8),
-        generation: word >> 8,
-        digest: Digest(header[8..40].try_into().expect("a digest has 32 bytes")),
-        check: number(40..48),
-        length,
-    })
-}
-
-/// Where the next whole record begins behind bytes that are none.
-fn next_record(map: &[u8], at: u64) -> Option<u64> {
-    let ends = (map.len() as u64).saturating_sub(HEADER as u64);
-    (at + 8..=ends).step_by(8).find(|&it| {
-        // Most bytes are ruled out by the kind, before their check is computed.
-        let kind = map[it as usize + 4];
-        RecordKind::ALL.iter().any(|it| *it as u8 == kind) && read_header(map, it).is_some()
-    })
 }
 
 /// Digests are already spread evenly: their first bytes are their hash.
