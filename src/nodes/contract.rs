@@ -65,8 +65,9 @@ pub struct Contract {
     /// Unite nodes that are closer than this part of the shape's radius around them.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub spacing: f64,
-    /// Move nodes to the middle: of the rings between their regions, and of closed surfaces to where
-    /// rays across the curve go equally far, with new nodes in long edges.
+    /// Move nodes to the middle: of the rings between their regions, then of closed surfaces to where
+    /// rays across the curve go equally far, and of clouds to the middle of the circle that the points
+    /// around the curve fit best, with new nodes in long edges.
     pub recenter: bool,
     /// What becomes of cycles.
     pub cycles: ContractedCycles,
@@ -75,8 +76,9 @@ pub struct Contract {
     /// Spurs shorter than so many radii of the shape at their junction are removed.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub prune_radii: f64,
-    /// Move nodes to where the normals of their vertices meet, for shapes of which only one side was
-    /// seen. On others rings and rays tell the middle better; rays are left out then.
+    /// Move nodes to where the normals of their vertices meet, for surfaces of which only one side was
+    /// seen. On others rings, rays and circles tell the middle better; rays and circles are left out
+    /// then.
     pub place_by_normals: bool,
     /// With `place_by_normals`: the weight of the lengths of edges, in the mean number of vertices of
     /// a node.
@@ -224,7 +226,7 @@ impl Contract {
 impl Node for Contract {
     const SPEC: Spec = Spec {
         kind: "contract",
-        version: 2,
+        version: 3,
         inputs: &[Self::MESH.port()],
         outputs: &[Self::CURVES.port(), Self::REPORT.port(), Self::COUNTS.port()],
         cites: &["au2008skeleton", "cao2010point", "madaras2014skeleton"],

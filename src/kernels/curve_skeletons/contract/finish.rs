@@ -20,7 +20,7 @@ pub struct FinishOptions {
     /// On whole ones, whose rings tell the middle, nodes of wide parts would pass each other.
     pub placement: Option<PlacementOptions>,
     /// Move nodes to the middle of the shape across them, with new ones in long edges. Needs a closed
-    /// mesh.
+    /// mesh or a cloud; curves of open meshes stay.
     pub center: Option<CenterOptions>,
     /// Move nodes and edges that are outside of a closed mesh into it.
     pub pull_inside: bool,
@@ -63,16 +63,15 @@ pub fn finish(
     if options.pull_inside {
         skeleton = pull_inside(&skeleton, shape);
     }
-    if let Some(field) = &field {
-        if options.pull_inside {
-            skeleton = bend_edges(&skeleton, field);
-        }
-        if let Some(center_options) = &options.center {
-            skeleton = center(&skeleton, vertices, field, center_options);
-            if options.pull_inside {
-                skeleton = bend_edges(&skeleton, field);
-            }
-        }
+    let bent = |skeleton: CurveSkeleton| match &field {
+        Some(field) if options.pull_inside => bend_edges(&skeleton, field),
+        _ => skeleton,
+    };
+    skeleton = bent(skeleton);
+    if let Some(center_options) = &options.center
+        && (field.is_some() || shape.is_point_cloud())
+    {
+        skeleton = bent(center(&skeleton, vertices, field.as_ref(), center_options));
     }
     Ok(if options.connect { connect_components(&skeleton) } else { skeleton })
 }

@@ -1,16 +1,15 @@
 use super::*;
 use crate::kernels::curve_skeletons::skeleton_error::fit_of;
-use crate::kernels::geometry::distance_field::DistanceField;
 use crate::kernels::geometry::isosurface::{Grid, isosurface};
 use crate::kernels::geometry::shapes::{icosphere, moved, torus, tube, union};
 use crate::kernels::numerics::random::Random;
 use crate::kernels::remeshing::sample_points::{SampleOptions, Spread, sample_points};
 
 /// A ball moved along a segment.
-type Capsule = (Vec3, Vec3, f64);
+pub(super) type Capsule = (Vec3, Vec3, f64);
 
 /// The surface of some capsules together.
-fn body(capsules: &[Capsule], cell: f64) -> TriMesh {
+pub(super) fn body(capsules: &[Capsule], cell: f64) -> TriMesh {
     let value = |place: Vec3| {
         let distance = |(from, to, radius): &Capsule| distance_to(&place, from, to) - radius;
         capsules.iter().map(distance).fold(f64::INFINITY, f64::min)
@@ -25,13 +24,13 @@ fn body(capsules: &[Capsule], cell: f64) -> TriMesh {
     isosurface(&Grid { origin: low, cell, n_cells }, &value).unwrap()
 }
 
-fn distance_to(place: &Vec3, from: &Vec3, to: &Vec3) -> f64 {
+pub(super) fn distance_to(place: &Vec3, from: &Vec3, to: &Vec3) -> f64 {
     let along = to - from;
     let share = ((place - from).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
     (from + along * share - place).norm()
 }
 
-fn cloud_of(mesh: &TriMesh, n_points: usize) -> TriMesh {
+pub(super) fn cloud_of(mesh: &TriMesh, n_points: usize) -> TriMesh {
     let options = SampleOptions { n_points, spread: Spread::Even, seed: 4, kept: vec![] };
     sample_points(mesh, &options).unwrap().mesh
 }
@@ -57,7 +56,7 @@ fn skeleton_of(shape: &TriMesh) -> CurveSkeleton {
 }
 
 /// Parts, leaves, junctions, cycles.
-fn topology(it: &CurveSkeleton) -> [usize; 4] {
+pub(super) fn topology(it: &CurveSkeleton) -> [usize; 4] {
     [it.n_components(), it.leaves().len(), it.junctions().len(), it.n_cycles()]
 }
 
@@ -65,7 +64,7 @@ fn stick() -> [Capsule; 1] {
     [(Vec3::new(-1.0, 0.1, 0.2), Vec3::new(1.0, 0.4, 0.0), 0.15)]
 }
 
-fn fork() -> [Capsule; 3] {
+pub(super) fn fork() -> [Capsule; 3] {
     let tip = |x: f64, y: f64| (Vec3::zeros(), Vec3::new(x, y, 0.1 * x), 0.14);
     [tip(0.0, -1.2), tip(0.9, 0.8), tip(-0.8, 1.0)]
 }
@@ -91,74 +90,6 @@ fn a_capsule_has_its_axis() {
         let fit = fit_of(&skeleton, &mesh);
         assert!(fit.inside == 1.0 && fit.off_center < 0.1, "{fit:?}");
     }
-}
-
-/// Three quarters of a ring.
-fn hook(radius: f64, cell: f64) -> TriMesh {
-    let value = |it: Vec3| axis_distance(&it) - radius;
-    let half = 1.0 + radius + 2.1 * cell;
-    let (low, high) = (Vec3::new(-half, -half, 1.0 - half), Vec3::new(half, half, half - 1.0));
-    let n_cells = [0, 1, 2].map(|axis| ((high - low)[axis] / cell).ceil() as usize);
-    isosurface(&Grid { origin: low, cell, n_cells }, &value).unwrap()
-}
-
-/// The distance from the hook's axis.
-fn axis_distance(place: &Vec3) -> f64 {
-    if place.x > 0.0 && place.y < 0.0 {
-        return (place - Vec3::x()).norm().min((place + Vec3::y()).norm());
-    }
-    (place.x.hypot(place.y) - 1.0).hypot(place.z)
-}
-
-#[test]
-fn centred_curves_lie_on_the_axis_of_a_bent_limb() {
-    let radius = 0.2;
-    let mesh = hook(radius, 0.04);
-    let found = coarse_contraction(&mesh, 1500, &ContractOptions::default()).unwrap();
-    // The farthest that places along the curve are off the axis, away from its ends, in radii.
-    let off_axis = |options: FinishOptions| {
-        let skeleton = finish(&found, &mesh, &options).unwrap();
-        assert_eq!(topology(&skeleton), [1, 2, 0, 0]);
-        let field = DistanceField::new(&mesh);
-        assert!(skeleton.positions().iter().all(|it| field.is_inside(*it)));
-        let ends = skeleton.leaves();
-        let along = skeleton.edges().iter().filter(|it| it.iter().all(|it| !ends.contains(it)));
-        let places = along.flat_map(|edge| {
-            let [from, to] = edge.map(|it| skeleton.positions()[it as usize]);
-            (0..=8).map(move |it| from.lerp(&to, f64::from(it) / 8.0))
-        });
-        places.map(|it| axis_distance(&it) / radius).fold(0.0, f64::max)
-    };
-    let centred = off_axis(FinishOptions::default());
-    let uncentred = off_axis(FinishOptions { center: None, ..Default::default() });
-    assert!(centred < 0.08 && uncentred > 0.1, "{centred}, {uncentred}");
-}
-
-#[test]
-fn centred_curves_have_the_vertices_around_them() {
-    let mesh = body(&fork(), 0.04);
-    let found = contraction_skeleton(&mesh, &ContractOptions::default()).unwrap();
-    let finished = |center| {
-        let options = FinishOptions { center, ..Default::default() };
-        finish(&found, &mesh, &options).unwrap()
-    };
-    // The mean distance of vertices from their nodes.
-    let spread = |it: &CurveSkeleton| {
-        let distance =
-            |(node, vertex): (&u32, &Vec3)| (it.positions()[*node as usize] - vertex).norm();
-        let sum: f64 = it.node_of_vertex().iter().zip(mesh.vertices()).map(distance).sum();
-        sum / mesh.n_vertices() as f64
-    };
-    let (fine, coarse) = (finished(Some(CenterOptions::default())), finished(None));
-    assert_eq!(topology(&fine), topology(&coarse));
-    assert!(fine.n_nodes() > coarse.n_nodes() && spread(&fine) < spread(&coarse));
-    let longest = (0..fine.n_edges()).map(|it| fine.length(it)).fold(0.0, f64::max);
-    assert!(longest < 0.14, "{longest}");
-    // Of clouds there is no inside.
-    let cloud = TriMesh::from_points(mesh.vertices().to_vec()).unwrap();
-    let found = contraction_skeleton(&cloud, &ContractOptions::default()).unwrap();
-    let kept = finish(&found, &cloud, &FinishOptions { center: None, ..Default::default() });
-    assert_eq!(finish(&found, &cloud, &FinishOptions::default()), kept);
 }
 
 #[test]
