@@ -105,7 +105,7 @@ impl Joints {
 impl Node for Joints {
     const SPEC: Spec = Spec {
         kind: "joints",
-        version: 5,
+        version: 6,
         inputs: &[Self::SKELETON.port(), Self::CLIP.port(), Self::SURFACES.port()],
         outputs: &[Self::JOINTS.port(), Self::REDUCED.port()],
         cites: &["madaras2014skeleton", "pekelny2008articulated", "obrien2000automatic"],

@@ -152,7 +152,8 @@ impl<'a> Setting<'a> {
         step(state, &Problem { points, poses, sides, cuts, is_held }, weights)
     }
 
-    /// Steps from a wide reach to that of a fit; fewer of them where much is known. Returns what `step` does.
+    /// Steps from a wide reach to that of a fit; fewer of them, from a narrower one, where much is known. Returns what
+    /// `step` does.
     fn descend(
         &self,
         state: &mut State,
@@ -160,8 +161,8 @@ impl<'a> Setting<'a> {
         is_held: &[bool],
         is_first: bool,
     ) -> Vec<f64> {
-        const DECAY: f64 = 0.8;
-        let (wide, n_steps) = if is_first { (4.0, 20) } else { (2.0, 12) };
+        const DECAY: f64 = 0.9;
+        let (wide, n_steps) = if is_first { (8.0, 40) } else { (2.0, 12) };
         let mut fits = Vec::new();
         for round in 0..n_steps {
             let reach = self.options.reach * f64::max(wide * DECAY.powi(round), 1.0);

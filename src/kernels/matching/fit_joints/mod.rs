@@ -9,6 +9,7 @@ mod misfit;
 mod parts;
 mod recut;
 mod samples;
+mod search;
 mod seeds;
 mod skin;
 mod solve;
@@ -20,6 +21,7 @@ mod tests;
 use nalgebra::Isometry3;
 
 use self::figure::Figure;
+use self::search::stiff;
 use self::seeds::seeded;
 use self::structure::Structure;
 use super::find_joints::{Joint, JointOptions};
@@ -111,8 +113,8 @@ pub enum FitError {
 /// skinning; Chang & Zwicker 2009), in turn with the motions and the joints, and joints that are not needed
 /// then go, too.
 ///
-/// If much of the surface is off then, this begins again from joints all along the skeleton, and what brings
-/// most of the surface to the other poses with the fewest joints is taken.
+/// If more than a little of the surface is off then, this begins again from joints all along the skeleton, and what
+/// brings most of the surface to the other poses with the fewest joints is taken.
 ///
 /// `surfaces` are one a pose; `skeleton` is in one of the `poses`.
 ///
@@ -135,8 +137,7 @@ pub fn fit_joints(
         if spacing.is_some() && joints.len() > MOST_SEEDS {
             continue;
         }
-        let stiff = Structure::stiff(&figure, joints, options);
-        let found = stiff.with_skin(&figure, options);
+        let found = stiff(&figure, joints, options).with_skin(&figure, options);
         let lost = found.fitted.lost();
         if best.as_ref().is_none_or(|it| found.score() < it.score()) {
             best = Some(found);
@@ -150,13 +151,13 @@ pub fn fit_joints(
 
 /// What fits begin with: the joints that are given, or besides others so far apart along the curves, in extents.
 /// Those follow small parts, of which the ones that move alike are united.
-const BEGINNINGS: [Option<f64>; 3] = [None, Some(0.1), Some(0.07)];
+const BEGINNINGS: [Option<f64>; 4] = [None, Some(0.1), Some(0.07), Some(0.055)];
 
 /// The equations of a pose have a row and a column for every part: more would take too much time and memory.
 const MOST_SEEDS: usize = 150;
 
 /// If so much of the surface is off in the mean pose, no other beginning is tried: some skin always is.
-const ENOUGH: f64 = 0.025;
+const ENOUGH: f64 = 0.0125;
 
 /// A joint to be dropped, and the part whose motion both parts take.
 #[derive(Debug, Clone, Copy)]

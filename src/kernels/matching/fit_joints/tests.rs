@@ -155,6 +155,27 @@ fn a_joint_that_would_be_outside_of_the_body_stays_on_its_curve() {
 }
 
 #[test]
+fn a_joint_stays_on_its_curve_along_the_axis_that_its_turns_share() {
+    let (mesh, skeleton) = (arm(), line(19));
+    // Hardly anything tells that it is beside the curve along y.
+    let center = Vec3::new(1.0, 0.1, 0.05);
+    let turns = [[0.0, 0.0], [0.9, 0.03], [-0.8, 0.03], [0.5, -0.03]];
+    let turns = turns.map(|[y, z]| Vec3::new(0.0, y, z));
+    let poses: Vec<Vec<Vec3>> =
+        turns.iter().map(|it| bent(skeleton.positions(), center, *it)).collect();
+    let surfaces: Vec<TriMesh> = turns
+        .iter()
+        .map(|it| mesh.with_vertices(bent(mesh.vertices(), center, *it)).unwrap())
+        .collect();
+    let surfaces: Vec<&TriMesh> = surfaces.iter().collect();
+    let options = FitOptions::default();
+    let fit = fit_joints(&skeleton, &poses, &surfaces, &[joint_at(10)], &options).unwrap();
+    let [joint] = &fit.joints[..] else { panic!("{:#?}", fit.joints) };
+    let off = joint.position - Vec3::new(1.0, 0.0, 0.05);
+    assert!(off.norm() < 0.02, "{off}");
+}
+
+#[test]
 fn rigid_motions_need_no_joint() {
     let (mesh, skeleton) = (arm(), line(19));
     let turn = UnitQuaternion::new(Vec3::new(0.4, 0.9, -0.3));
@@ -172,7 +193,7 @@ fn rigid_motions_need_no_joint() {
 fn seeds_are_all_along_the_limbs_and_apart_from_what_is_known() {
     let skeleton = line(19);
     let known = seeds::unknown(7, 0.5, Vec3::x() * 0.75);
-    let all = seeds::seeded(&skeleton, &[known.clone()], 0.1, 1.8);
+    let all = seeds::seeded(&skeleton, std::slice::from_ref(&known), 0.1, 1.8);
     assert!(all.contains(&known));
     for joint in &all {
         let place = parts::on_bone(&skeleton, skeleton.positions(), joint.bone, joint.share);
@@ -249,8 +270,8 @@ fn what_does_not_belong_together_is_told() {
         assert_eq!(found.unwrap_err().to_string(), expected);
     };
     let points = TriMesh::from_points(vec![Vec3::x()]).unwrap();
-    check(&[rest.clone()], &[], "there are 0 surfaces, but the skeleton is in 1 poses");
-    check(&[rest.clone()], &[&points], "surface 0 has no faces");
+    check(std::slice::from_ref(&rest), &[], "there are 0 surfaces, but the skeleton is in 1 poses");
+    check(std::slice::from_ref(&rest), &[&points], "surface 0 has no faces");
     check(&[vec![]], &[&mesh], "pose 0 has 0 joints, but the skeleton 5");
     let other: Vec<Vec3> = rest.iter().map(|it| it + Vec3::y()).collect();
     let off = "the skeleton is in none of the poses: it is off by 1 in the nearest one, 0";
