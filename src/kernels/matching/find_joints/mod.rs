@@ -92,6 +92,13 @@ impl Joint {
     pub fn at(&self, skeleton: &Skeleton) -> usize {
         skeleton.parents()[self.bone].filter(|_| self.share < 0.5).unwrap_or(self.bone)
     }
+
+    /// The place on its bone.
+    pub fn on_curve(&self, skeleton: &Skeleton) -> Vec3 {
+        let end = skeleton.positions()[self.bone];
+        let start = skeleton.parents()[self.bone].map_or(end, |it| skeleton.positions()[it]);
+        start.lerp(&end, self.share)
+    }
 }
 
 /// Why there are no joints to be found.

@@ -1,6 +1,6 @@
 //! Ends of a skeleton that do not lie in the body.
 
-use super::Joint;
+use super::{Joint, extent};
 use crate::kernels::geometry::distance_field::DistanceField;
 use crate::kernels::geometry::mesh::{TriMesh, Vec3};
 use crate::kernels::rigs::skeleton::Skeleton;
@@ -11,6 +11,9 @@ const PLACES: usize = 16;
 /// … and the share of them that lies in the body if the bone does.
 const MOST: f64 = 0.9;
 
+/// Images may be outside by this share of the skeleton's greatest extent.
+const OUTSIDE: f64 = 0.005;
+
 /// Limbs without joints go if less than this share of them is left.
 const LEAST_LEFT: f64 = 0.4;
 
@@ -18,8 +21,9 @@ const LEAST_LEFT: f64 = 0.4;
 /// [`joint_skeleton`](super::joint_skeleton) gives them lie inside the surface.
 ///
 /// A curve that one pose alone has, and another place than it should, ends outside the body at rest; and a
-/// straight bone to the end of a bent limb leaves it. Joints stay, on bones of the new skeleton. A
-/// surface that holds less than half of the skeleton says nothing, and nothing is changed.
+/// straight bone to the end of a bent limb leaves it. Joints stay, on bones of the new skeleton, but images that are
+/// outside of the surface go to their curve: limbs are never quite alike. A surface that holds less than half of the
+/// skeleton says nothing, and nothing is changed.
 pub fn trim_to_surface(
     skeleton: &Skeleton,
     joints: &[Joint],
@@ -29,15 +33,21 @@ pub fn trim_to_surface(
     let places = skeleton.positions();
     let n_inside = places.iter().filter(|it| field.is_inside(**it)).count();
     let mut is_kept = vec![true; places.len()];
+    let mut joints = joints.to_vec();
     if 2 * n_inside >= places.len() {
+        let margin = OUTSIDE * extent(places);
+        let is_outside = |it: &&mut Joint| it.is_mirrored && field.distance(it.position) > margin;
+        for image in joints.iter_mut().filter(is_outside) {
+            image.position = image.on_curve(skeleton);
+        }
         let children = skeleton.children();
         for leaf in (0..places.len()).filter(|it| children[*it].is_empty()) {
-            let limb = Limb::new(skeleton, joints, &children, leaf);
+            let limb = Limb::new(skeleton, &joints, &children, leaf);
             let n_kept = limb.n_inside(places, &field);
             limb.nodes[n_kept..].iter().for_each(|it| is_kept[*it] = false);
         }
     }
-    without(skeleton, joints, &is_kept)
+    without(skeleton, &joints, &is_kept)
 }
 
 /// The end of a limb, behind its last joint or the branch that it begins at.
@@ -170,6 +180,19 @@ mod tests {
         let (trimmed, joints) = trim_to_surface(&star(), &[wrist], &icosphere(3));
         assert_eq!(trimmed.names(), ["n0", "n3", "n4", "n5", "n6"]);
         assert_eq!(trimmed.names()[joints[0].bone], "n5");
+    }
+
+    #[test]
+    fn an_image_outside_goes_to_its_curve() {
+        let seen = joint(4, Vec3::new(0.6, 0.0, 1.5));
+        let near = Joint { is_mirrored: true, ..joint(1, Vec3::new(0.0, 0.5, 0.3)) };
+        let far = Joint { position: Vec3::new(0.0, 0.5, 1.3), ..near.clone() };
+        let places = |it: &TriMesh| {
+            let joints = [seen.clone(), near.clone(), far.clone()];
+            trim_to_surface(&star(), &joints, it).1.iter().map(|it| it.position).collect::<Vec<_>>()
+        };
+        let on_curve = Vec3::new(0.0, 0.45, 0.0);
+        assert_eq!(places(&icosphere(3)), [seen.position, near.position, on_curve]);
     }
 
     #[test]

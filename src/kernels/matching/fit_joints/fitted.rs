@@ -3,7 +3,7 @@
 use super::FitOptions;
 use super::blocks::Point;
 use super::figure::Figure;
-use super::parts::{Parts, curve_pairs, motions_of_curves, on_bone};
+use super::parts::{Parts, curve_pairs, motions_of_curves};
 use super::samples::{Sample, labels};
 use super::skin::blend_skin;
 use super::solve::{Pose, Problem, State, Weights, step};
@@ -135,9 +135,7 @@ impl<'a> Setting<'a> {
         curves: &'a [Vec<Vec<(Vec3, Vec3)>>],
         options: &'a FitOptions,
     ) -> Self {
-        let skeleton = &figure.skeleton;
-        let place = |it: &Joint| on_bone(skeleton, skeleton.positions(), it.bone, it.share);
-        let cuts = joints.iter().map(place).collect();
+        let cuts = joints.iter().map(|it| it.on_curve(&figure.skeleton)).collect();
         Self { figure, parts, cuts, poses: figure.poses(curves), options }
     }
 
@@ -178,9 +176,7 @@ impl<'a> Setting<'a> {
         const OUTSIDE: f64 = 0.005;
         let body = &self.figure.body;
         for ((place, cut), is_held) in state.joints.iter_mut().zip(&self.cuts).zip(&mut *is_held) {
-            let is_outer =
-                body.nearest(*place).square > OUTSIDE * OUTSIDE && !body.is_inside(*place);
-            if is_outer {
+            if body.distance(*place) > OUTSIDE {
                 (*place, *is_held) = (*cut, true);
             }
         }

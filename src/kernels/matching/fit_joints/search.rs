@@ -1,7 +1,7 @@
 //! The search for joints of stiff parts: what the surfaces can do without goes, and what they lack is added.
 
 use super::FitOptions;
-use super::carry_over::{grown, without};
+use super::carry_over::grown;
 use super::choose::Need;
 use super::figure::Figure;
 use super::fitted::{Fitted, fit};
@@ -61,11 +61,9 @@ impl Search<'_> {
         let is_tried = |it: &&Need| it.is_none || it.score < 1.0 && !self.needed.contains(&cut(it));
         let Some(&need) = needs.iter().find(is_tried) else { return false };
         let cut = cut(&need);
-        let mut fewer = self.now.joints.clone();
-        fewer.remove(need.drop.joint);
-        let tried = self.fit(&fewer, without(&self.now.fitted, need.drop));
-        if need.is_none || tried.score(PER_JOINT) <= self.now.fitted.score(PER_JOINT) {
-            self.now = Structure { joints: fewer, fitted: tried };
+        let fewer = self.now.without(need.drop, |joints, start| self.fit(joints, start));
+        if need.is_none || fewer.fitted.score(PER_JOINT) <= self.now.fitted.score(PER_JOINT) {
+            self.now = fewer;
         } else {
             self.needed.push(cut);
         }

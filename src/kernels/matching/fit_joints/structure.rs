@@ -6,7 +6,7 @@ use super::fitted::{Fitted, fit_with_skin};
 use super::parts::Parts;
 use super::recut::recut;
 use super::solve::State;
-use super::{Fit, FitOptions};
+use super::{Drop, Fit, FitOptions};
 use crate::kernels::matching::find_joints::Joint;
 
 /// Joints and the fit of the parts between them.
@@ -38,10 +38,7 @@ impl Structure {
             figure.describe(&mut now.joints, &now.fitted, options);
             let needs = figure.needs(&now.joints, &now.fitted, options);
             for need in needs.iter().filter(|it| it.is_none || it.score < MOST_NEED) {
-                let mut joints = now.joints.clone();
-                joints.remove(need.drop.joint);
-                let fitted = fit(&joints, without(&now.fitted, need.drop), N_ROUNDS[1]);
-                let fewer = Self { joints, fitted };
+                let fewer = now.without(need.drop, |it, state| fit(it, state, N_ROUNDS[1]));
                 if need.is_none || fewer.score() < now.score() {
                     now = fewer;
                     continue 'dropped;
@@ -49,6 +46,14 @@ impl Structure {
             }
             return now;
         }
+    }
+
+    /// What is left without a joint, fitted from where parts are.
+    pub fn without(&self, drop: Drop, fit: impl Fn(&[Joint], State) -> Fitted) -> Self {
+        let mut joints = self.joints.clone();
+        joints.remove(drop.joint);
+        let fitted = fit(&joints, without(&self.fitted, drop));
+        Self { joints, fitted }
     }
 
     /// Moves cuts to where joints were found, and tells what a fit of the parts between them begins with.
