@@ -11,7 +11,8 @@ use crate::kernels::matching::skeleton_match::{
 use crate::kernels::matching::union_skeleton::point_at;
 use crate::kernels::rigs::skeleton::Skeleton;
 
-/// The images of joints under all symmetries of the skeleton: matches with itself that undo themselves.
+/// The images of joints under all symmetries of the skeleton: matches with itself that undo themselves, and take nodes
+/// nearly to where a reflection does. Ratings alone would take the front of a horse for its back.
 pub fn images(skeleton: &Skeleton, joints: &[Joint], greatest_rating: f64) -> Vec<Joint> {
     const MOST: usize = 64;
     let graph = SkeletonGraph { roots: Vec::new(), ..SkeletonGraph::from(skeleton) };
@@ -29,8 +30,35 @@ pub fn images(skeleton: &Skeleton, joints: &[Joint], greatest_rating: f64) -> Ve
             && it.nodes().iter().all(back)
             && it.nodes().iter().any(|pair| pair[0] != pair[1])
     };
-    let symmetries = ranking.matches.iter().filter(is_symmetry);
-    symmetries.flat_map(|it| joints.iter().filter_map(|joint| image(skeleton, it, joint))).collect()
+    let off = |it: &SkeletonMatch| distance_from_mirror(skeleton.positions(), it);
+    let symmetries: Vec<(&SkeletonMatch, f64)> =
+        ranking.matches.iter().filter(is_symmetry).map(|it| (it, off(it))).collect();
+    let least = symmetries.iter().map(|it| it.1).fold(f64::INFINITY, f64::min);
+    let nearest = symmetries.iter().filter(|it| it.1 <= OFF * least + NEARLY);
+    let of_all = |it: &SkeletonMatch| {
+        joints.iter().filter_map(|joint| image(skeleton, it, joint)).collect::<Vec<_>>()
+    };
+    nearest.flat_map(|it| of_all(it.0)).collect()
+}
+
+/// In a pose that is not symmetric, all symmetries are off; those count that are not off by so many times more…
+const OFF: f64 = 2.0;
+
+/// … and this share of the size.
+const NEARLY: f64 = 0.02;
+
+/// How far nodes are from where a reflection takes those that they are matched with, as a share of the skeleton's
+/// size; both as roots of the mean square.
+fn distance_from_mirror(positions: &[Vec3], symmetry: &SkeletonMatch) -> f64 {
+    let turn = mirror(positions, symmetry);
+    let nodes = symmetry.nodes().iter().map(|it| it.map(|node| positions[node as usize]));
+    let middle = nodes.clone().map(|it| it[0]).sum::<Vec3>() / symmetry.nodes().len() as f64;
+    let (mut off, mut size) = (0.0, 0.0);
+    for [from, to] in nodes {
+        off += (turn * (from - middle) - (to - middle)).norm_squared();
+        size += (from - middle).norm_squared();
+    }
+    if size > 0.0 { (off / size).sqrt() } else { 0.0 }
 }
 
 /// The reflection (or rotation) that takes nodes to those they are matched with.

@@ -235,3 +235,45 @@ fn a_joint_beside_its_curve_has_its_image_beside_the_other() {
     let expected = Vec3::new(-0.42, 1.53, 0.04);
     assert!((image.position - expected).norm() < 1e-6, "{}", image.position);
 }
+
+/// The legs of a horse are alike, and its neck and tail are as long.
+#[test]
+fn the_front_of_a_horse_is_no_image_of_its_back() {
+    let nodes: [(&str, Option<usize>, [f64; 3]); 13] = [
+        ("chest", None, [0.0, 1.0, 0.6]),
+        ("pelvis", Some(0), [0.0, 1.0, -0.6]),
+        ("neck", Some(0), [0.0, 1.3, 0.9]),
+        ("head", Some(2), [0.0, 1.6, 1.2]),
+        ("rump", Some(1), [0.0, 0.8, -0.95]),
+        ("tail", Some(4), [0.0, 0.4, -1.05]),
+        ("elbow_l", Some(0), [0.3, 0.6, 0.6]),
+        ("hoof_l", Some(6), [0.3, 0.0, 0.6]),
+        ("elbow_r", Some(0), [-0.3, 0.6, 0.6]),
+        ("hoof_r", Some(8), [-0.3, 0.0, 0.6]),
+        ("knee_l", Some(1), [0.3, 0.58, -0.6]),
+        ("foot_l", Some(10), [0.3, 0.0, -0.6]),
+        ("foot_r", Some(1), [-0.3, 0.0, -0.6]),
+    ];
+    let horse = Skeleton::new(
+        nodes.iter().map(|it| it.0.to_owned()).collect(),
+        nodes.iter().map(|it| it.1).collect(),
+        nodes.iter().map(|it| it.2.into()).collect(),
+    )
+    .unwrap();
+    let seen = |bone: usize| Joint {
+        bone,
+        share: 1.0,
+        position: horse.positions()[bone],
+        angle: 60.0,
+        n_freedoms: 1,
+        axis: Vec3::x(),
+        spreads: [60.0, 0.0, 0.0],
+        is_mirrored: false,
+    };
+    let mut joints = vec![seen(2), seen(6)];
+    add_images(&horse, &mut joints, &JointOptions::default());
+    let images: Vec<Vec3> =
+        joints.iter().filter(|it| it.is_mirrored).map(|it| it.position).collect();
+    assert_eq!(images.len(), 1, "{images:?}");
+    assert!((images[0] - Vec3::new(-0.3, 0.6, 0.6)).norm() < 1e-6, "{}", images[0]);
+}
