@@ -41,7 +41,7 @@ impl Character {
     /// else of the whole tree. World motion of the joints that stay is unchanged. Does nothing
     /// without a skeleton.
     ///
-    /// Does otherwise as told by `which`.
+    /// `which` tells of other starts of the tree, and of roots that are joints themselves.
     pub fn keep_core_joints(&mut self, which: CoreJoints) {
         let (Some(skeleton), Some(weights)) = (&self.skeleton, &self.weights) else { return };
         let core = Core::of(skeleton, weights, which);
@@ -126,11 +126,9 @@ impl Core {
         let tree: Vec<usize> =
             (0..n_joints).filter(|&it| root_of[it] == root && own[it] > 0.0).collect();
         for other in roots().filter(|&it| it != root && below[it] > 0.0) {
-            let mut hung: Vec<usize> =
-                children[other].iter().copied().filter(|&it| below[it] > 0.0).collect();
-            if which.skinned_roots && own[other] > 0.0 {
-                hung.clear();
-            }
+            let is_joint = which.skinned_roots && own[other] > 0.0;
+            let is_hung = |it: &usize| !is_joint && below[*it] > 0.0;
+            let hung: Vec<usize> = children[other].iter().copied().filter(is_hung).collect();
             dropped[other] = !hung.is_empty();
             for joint in if hung.is_empty() { vec![other] } else { hung } {
                 parents[joint] = nearest(skeleton, joint, tree.iter().copied()).or(Some(root));

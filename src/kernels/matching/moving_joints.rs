@@ -81,10 +81,12 @@ impl Moving {
                 return Err(MotionError::Joints { motion, found, n_joints });
             }
         }
-        let all: Vec<_> = motions.iter().flat_map(|it| it.rotations.chunks(n_joints)).collect();
+        let frames: Vec<&[UnitQuaternion<f64>]> =
+            motions.iter().flat_map(|it| it.rotations.chunks(n_joints.max(1))).collect();
         let angle = |joint: usize| {
-            let turn = |it: &&[UnitQuaternion<f64>]| all[0][joint].angle_to(&it[joint]);
-            all.iter().map(turn).fold(0.0, f64::max).to_degrees()
+            let Some(first) = frames.first() else { return 0.0 };
+            let turn = |it: &&[UnitQuaternion<f64>]| first[joint].angle_to(&it[joint]);
+            frames.iter().map(turn).fold(0.0, f64::max).to_degrees()
         };
         let joint = |it: usize| MovingJoint {
             name: rig.names()[it].clone(),
@@ -132,6 +134,8 @@ pub(super) mod tests {
             moving.joints.iter().map(|it| (it.name.as_str(), it.angle.round())).collect();
         assert_eq!(found, [("ankle", 20.0), ("toe", 40.0)]);
         assert!(moving.unknown.is_empty());
+        let empty = Clip { rotations: vec![], translations: vec![], ..first.clone() };
+        assert_eq!(Moving::by_turns(&rig(), &[&empty], 15.0).unwrap().joints, []);
         let short = Clip { n_joints: 2, ..first.clone() };
         let error = Moving::by_turns(&rig(), &[&first, &short], 15.0).unwrap_err();
         assert_eq!(error, MotionError::Joints { motion: 1, found: 2, n_joints: 4 });

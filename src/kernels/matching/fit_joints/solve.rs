@@ -77,10 +77,11 @@ pub fn step(state: &mut State, problem: &Problem<'_>, weights: &Weights) -> Vec<
     let mut matrix = DMatrix::<f64>::identity(3 * n_joints, 3 * n_joints) * 1e-12;
     let mut right = DVector::<f64>::zeros(3 * n_joints);
     for (joint, &place) in cuts.iter().enumerate() {
-        let prior = match is_held[joint] {
-            true => Matrix3::identity() * weights.held,
-            false => Matrix3::identity() * weights.prior + known_little(&all, joint) * weights.free,
-        };
+        let at_all = if is_held[joint] { weights.held } else { weights.prior };
+        let mut prior = Matrix3::identity() * at_all;
+        if weights.free > 0.0 && !is_held[joint] {
+            prior += known_little(&all, joint) * weights.free;
+        }
         let mut view = matrix.fixed_view_mut::<3, 3>(3 * joint, 3 * joint);
         view += prior;
         let mut view = right.fixed_rows_mut::<3>(3 * joint);

@@ -52,6 +52,20 @@ fn bent(points: &[Vec3], center: Vec3, turn: Vec3) -> Vec<Vec3> {
     points.iter().map(bend).collect()
 }
 
+/// A curve and a surface in poses that are bent at one place.
+fn bent_figure(
+    mesh: &TriMesh,
+    skeleton: &Skeleton,
+    center: Vec3,
+    turns: &[Vec3],
+) -> (Vec<Vec<Vec3>>, Vec<TriMesh>) {
+    let moved = |turn: &Vec3| {
+        let places = bent(skeleton.positions(), center, *turn);
+        (places, mesh.with_vertices(bent(mesh.vertices(), center, *turn)).unwrap())
+    };
+    turns.iter().map(moved).unzip()
+}
+
 fn joint_at(bone: usize) -> Joint {
     seeds::unknown(bone, 0.5, Vec3::zeros())
 }
@@ -61,12 +75,7 @@ fn a_joint_beside_the_curve_is_found_from_the_surface() {
     let (mesh, skeleton) = (arm(), line(19));
     let center = Vec3::new(1.0, 0.06, 0.05);
     let turns = [Vec3::zeros(), Vec3::y() * 0.9, Vec3::z() * 0.8, Vec3::new(0.0, -0.7, 0.5)];
-    let poses: Vec<Vec<Vec3>> =
-        turns.iter().map(|it| bent(skeleton.positions(), center, *it)).collect();
-    let surfaces: Vec<TriMesh> = turns
-        .iter()
-        .map(|it| mesh.with_vertices(bent(mesh.vertices(), center, *it)).unwrap())
-        .collect();
+    let (poses, surfaces) = bent_figure(&mesh, &skeleton, center, &turns);
     let surfaces: Vec<&TriMesh> = surfaces.iter().collect();
     // At three scales, and with a candidate that is too near to the tip, and one that is none.
     for scale in [1.0, 1e6, 1e-6] {
@@ -94,10 +103,7 @@ fn a_joint_that_the_curve_does_not_tell_of_is_found() {
     let (mesh, skeleton) = (arm(), line(19));
     let turns = [Vec3::zeros(), Vec3::y() * 0.5, Vec3::z() * -0.6];
     let poses = vec![skeleton.positions().to_vec(); 3];
-    let surfaces: Vec<TriMesh> = turns
-        .iter()
-        .map(|it| mesh.with_vertices(bent(mesh.vertices(), Vec3::x(), *it)).unwrap())
-        .collect();
+    let (_, surfaces) = bent_figure(&mesh, &skeleton, Vec3::x(), &turns);
     let surfaces: Vec<&TriMesh> = surfaces.iter().collect();
     let fit = fit_joints(&skeleton, &poses, &surfaces, &[], &FitOptions::default()).unwrap();
     assert_eq!(fit.joints.len(), 1);
@@ -138,12 +144,7 @@ fn a_joint_that_would_be_outside_of_the_body_stays_on_its_curve() {
     // About an axis that is twice as far away as the skin.
     let center = Vec3::new(1.0, 0.0, 0.4);
     let turns = [Vec3::zeros(), Vec3::y() * 0.4, Vec3::y() * -0.4];
-    let poses: Vec<Vec<Vec3>> =
-        turns.iter().map(|it| bent(skeleton.positions(), center, *it)).collect();
-    let surfaces: Vec<TriMesh> = turns
-        .iter()
-        .map(|it| mesh.with_vertices(bent(mesh.vertices(), center, *it)).unwrap())
-        .collect();
+    let (poses, surfaces) = bent_figure(&mesh, &skeleton, center, &turns);
     let surfaces: Vec<&TriMesh> = surfaces.iter().collect();
     let options = FitOptions::default();
     let fit = fit_joints(&skeleton, &poses, &surfaces, &[joint_at(10)], &options).unwrap();
@@ -161,12 +162,7 @@ fn a_joint_stays_on_its_curve_along_the_axis_that_its_turns_share() {
     let center = Vec3::new(1.0, 0.1, 0.05);
     let turns = [[0.0, 0.0], [0.9, 0.03], [-0.8, 0.03], [0.5, -0.03]];
     let turns = turns.map(|[y, z]| Vec3::new(0.0, y, z));
-    let poses: Vec<Vec<Vec3>> =
-        turns.iter().map(|it| bent(skeleton.positions(), center, *it)).collect();
-    let surfaces: Vec<TriMesh> = turns
-        .iter()
-        .map(|it| mesh.with_vertices(bent(mesh.vertices(), center, *it)).unwrap())
-        .collect();
+    let (poses, surfaces) = bent_figure(&mesh, &skeleton, center, &turns);
     let surfaces: Vec<&TriMesh> = surfaces.iter().collect();
     let options = FitOptions::default();
     let fit = fit_joints(&skeleton, &poses, &surfaces, &[joint_at(10)], &options).unwrap();
@@ -196,8 +192,7 @@ fn seeds_are_all_along_the_limbs_and_apart_from_what_is_known() {
     let all = seeds::seeded(&skeleton, std::slice::from_ref(&known), 0.1, 1.8);
     assert!(all.contains(&known));
     for joint in &all {
-        let place = parts::on_bone(&skeleton, skeleton.positions(), joint.bone, joint.share);
-        assert!((place - joint.position).norm() < 1e-12);
+        assert!((joint.on_curve(&skeleton) - joint.position).norm() < 1e-12);
         assert!(joint.position.x < 1.9 - 0.1 * 1.8);
     }
     for pair in all.windows(2) {
